@@ -128,6 +128,7 @@ def test_an_observer_gives_the_states_of_the_same_sensor_by_another_name() -> No
     np.testing.assert_allclose(own_C, C)
 
 
+@pytest.mark.slow
 def test_an_identification_estimates_the_errors_of_the_sensor(
     example: ModuleType, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,6 +160,7 @@ def test_the_sensor_improves_the_states_as_much_as_its_sigma_says(example: Modul
     assert np.sqrt(np.mean(error**2)) < 1.2 * np.sqrt(np.mean(with_sensor.sigma[name] ** 2))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 def test_c_code(example: ModuleType, record: Record, tmp_path: Path) -> None:
     observer = Observer(TRUCK, record.signals)
@@ -166,6 +168,7 @@ def test_c_code(example: ModuleType, record: Record, tmp_path: Path) -> None:
     assert_equal(replayed(replay, observer, record), pushed(observer, record), 1e-12)
 
 
+@pytest.mark.slow
 def test_an_unscented_filter_uses_the_sensor(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """It agrees with the extended one but for the curvature of the measurement, and of the sensor only."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))

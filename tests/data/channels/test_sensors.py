@@ -222,6 +222,7 @@ ONE = fw.OneStage(given={"truck": "exact", "tractor.front.cornering_stiffness": 
 """Estimates one number of the truck."""
 
 
+@pytest.mark.slow
 def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Vehicle) -> None:
     """The misalignment of the yaw rate gyro is hardly informed by one lane change: its sigma is that of the prior."""
     name = f"{YAW}.misalignment"
@@ -235,6 +236,7 @@ def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Ve
     assert sigma(fw.SensorPrior(sensor_class="ins")) < math.radians(0.301) < sigma(fw.SensorPrior())
 
 
+@pytest.mark.slow
 def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
     stated = stating(record, {STEER_ANGLE: fw.SensorPrior(sensor_class="wheel angle")})
     (with_class,), (without,) = (fw.predict_sigmas([r], truck, ONE).parameters for r in (stated, record))
@@ -260,6 +262,7 @@ def test_two_stages_note_that_they_do_not_use_them(record: fw.Record, truck: fw.
     assert any("do not use the sensor classes" in note and YAW in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_a_learner_has_them(record: fw.Record, truck: fw.Vehicle) -> None:
     learner = fw.Learner(truck, record.signals, ONE, sensors={YAW: GYRO})
     assert learner[f"{YAW}.gain"].sigma == pytest.approx(0.002)

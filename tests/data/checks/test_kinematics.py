@@ -340,6 +340,7 @@ def test_nothing_is_said_without_a_turn(weaving: Record) -> None:
         assert len(check(exchanged(short, "tractor.front"))) == count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.02, 0.1])
 def test_nothing_is_said_of_wheel_speeds_that_show_no_turn(weaving: Record, noise: float) -> None:
     assert check(with_wheels(weaving, noise=noise, differences=0.0)) == ()

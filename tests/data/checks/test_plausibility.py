@@ -126,6 +126,7 @@ def test_exactly_the_injected_fault_is_found(weaving, fault, signal, severity, i
         raise_errors(findings)
 
 
+@pytest.mark.slow
 def test_a_remedy_is_in_keys_of_the_signal_map(weaving):
     """SignalSource accepts the keys, and the message contains them."""
     for fault, _, _, inject in INJECTED:

@@ -5,7 +5,15 @@ import pytest
 
 from fifthwheel.data.channels import CHANNELS, channel_of
 from fifthwheel.data.checks import Fault, check
-from fifthwheel.data.checks.samples import dropouts, impossible_samples, spike_mask, spikes, stuck, without_spikes
+from fifthwheel.data.checks.samples import (
+    dropouts,
+    impossible_samples,
+    spike_mask,
+    spikes,
+    stuck,
+    without_outliers,
+    without_spikes,
+)
 from fifthwheel.data.record import Record
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
@@ -246,3 +254,17 @@ def test_magnitude_jump_and_turn_of_each_quantity(name):
         if name != "speed":
             found = bool(list(stuck(record, "roll_rate.semitrailer", 5.0)))
             assert found == (beyond and turn is not None)
+
+
+def test_a_single_outlier_is_left_out_of_means() -> None:
+    rng, time = np.random.default_rng(1), np.arange(500) / 100
+    values = 0.1 * np.sin(time) + 1e-3 * rng.normal(size=500)
+    wrong = values.copy()
+    wrong[[100, 300]] += [0.02, -0.05]
+    record = Record(time=time, signals={"yaw_rate.tractor": wrong, "speed": np.full(500, 20.0)})
+    kept = without_outliers(record, ["yaw_rate.tractor", "speed"], 6.0)
+    assert np.flatnonzero(np.isnan(kept.signals["yaw_rate.tractor"])).tolist() == [100, 300]
+    clean = record.with_signals({"yaw_rate.tractor": values})
+    assert without_outliers(clean, ["yaw_rate.tractor"], 6.0) is clean
+    steps = record.with_signals({"yaw_rate.tractor": np.repeat(values[::10], 10)})
+    assert without_outliers(steps, ["yaw_rate.tractor"], 6.0) is steps, "a sample that is repeated does not change"

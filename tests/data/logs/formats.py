@@ -1,12 +1,14 @@
 """One run in every supported format, written by independent libraries."""
 
 import json
+import struct
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.data.channels import header
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.data.record import Record
 
@@ -113,6 +115,46 @@ def _mcap(record: Record, path: Path) -> None:
         writer.finish()
 
 
+def _tdms(record: Record, path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    waveform = {"wf_increment": float(np.diff(record.time).mean()), "wf_start_offset": float(record.time[0])}
+    with TdmsWriter(path) as writer:
+        for part in np.array_split(np.arange(len(record)), 3):
+            channels = [
+                ChannelObject(
+                    "drive", name, values[part], waveform | {"unit_string": "m/s" if name == "speed" else "rad/s"}
+                )
+                for name, values in record.signals.items()
+                if "steer" not in name
+            ]
+            steer = record.signals["steer.tractor.front"][part]
+            writer.write_segment([*channels, ChannelObject("drive", "steer.tractor.front", steer, waveform)])
+
+
+def _ulog(record: Record, path: Path) -> None:
+    def message(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    fields = "".join(f"double {name.replace('.', '_')};" for name in record.signals)
+    content = b"ULog\x01\x12\x35\x01" + bytes(8) + message("F", f"drive:uint64_t timestamp;{fields}".encode())
+    rows = zip(record.time, *record.signals.values(), strict=True)
+    rest = (struct.pack(f"<HQ{len(record.signals)}d", 0, round(time * 1e6), *values) for time, *values in rows)
+    path.write_bytes(content + message("A", b"\0\0\0drive") + b"".join(message("D", body) for body in rest))
+
+
+def _xlsx(record: Record, path: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    book.create_sheet("About").append(["a simulation"])
+    sheet = book.create_sheet("Drive")
+    sheet.append(["time [s]", *map(header, record.signals)])
+    for row in zip(record.time, *record.signals.values(), strict=True):
+        sheet.append([float(value) for value in row])
+    book.save(path)
+
+
 def _frames(kind: str) -> Callable[[Record, Path], None]:
     def write_frames(record: Record, path: Path) -> None:
         import can
@@ -145,6 +187,9 @@ FORMATS: dict[str, tuple[Callable[[Record, Path], None], str]] = {
     "v5.mat": (_mat5, _FLAT),
     "v73.mat": (_mat73, _FLAT),
     "drive.mcap": (_mcap, _TOPIC),
+    "drive.tdms": (_tdms, ""),
+    "drive.ulg": (_ulog, _TOPIC),
+    "drive.xlsx": (_xlsx, ""),
     "drive.asc": (_frames("asc"), CAN_MAP),
     "drive.blf": (_frames("blf"), CAN_MAP),
     "candump.log": (_frames("candump"), CAN_MAP),

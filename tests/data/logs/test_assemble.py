@@ -9,6 +9,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.data.checks import Fault, check
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers import open_log
+from fifthwheel.data.logs.row_time import RowTime, find_row_time
 from fifthwheel.data.record.timestamps import Renewals
 
 STEER, YAW, SPEED = "steer.tractor.front", "yaw_rate.tractor", "speed"
@@ -88,6 +89,7 @@ def test_a_frozen_sensor_of_a_held_channel_is_found(tmp_path):
     assert not [f for f in check(read_log(table(tmp_path, {STEER: 20, YAW: 20, SPEED: 10}))) if f.severity == "error"]
 
 
+@pytest.mark.slow
 def test_no_channel_of_a_real_log_is_taken_for_held(data):
     """Of their own messages all but one, which the gearbox computes at half the rate of its message; the steer angle of
     the real truck is stepwise, but not regularly."""
@@ -95,8 +97,9 @@ def test_no_channel_of_a_real_log_is_taken_for_held(data):
     for path in (path for pattern in patterns for path in data.glob(pattern) if path.suffix != ".md"):
         with open_log(path) as log:
             found = {name: Renewals() for name in log.columns}
+            rows = RowTime(log, find_row_time(log))
             for chunk in log.chunks(list(log.columns)):
-                time = log.times(chunk, log.row_time)
+                time = rows.of(chunk)
                 for name, values in chunk.values.items():
                     found[name].push(time, values)
         held = {name: round(result.rate) for name, renewals in found.items() if (result := renewals.finish())}

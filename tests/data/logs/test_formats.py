@@ -3,6 +3,7 @@
 import codecs
 import contextlib
 import random
+import struct
 import warnings
 
 import numpy as np
@@ -13,8 +14,9 @@ from hypothesis import strategies as st
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.map_text import as_toml
-from fifthwheel.data.logs.propose import propose_map, survey_log
+from fifthwheel.data.logs.propose import propose_map
 from fifthwheel.data.logs.readers import open_log
+from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate
@@ -30,6 +32,7 @@ def drive():
     return Record(time=record.time, signals=record.signals, name="drive")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_gives_the_same_record(tmp_path, drive, name):
     path, signal_map = stored(drive, tmp_path, name)
@@ -43,6 +46,7 @@ def test_every_format_gives_the_same_record(tmp_path, drive, name):
         assert record.signals[signal] == pytest.approx(values, rel=1e-6, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_has_a_survey_and_a_proposal(tmp_path, drive, name):
     path, signal_map = stored(drive, tmp_path, name)
@@ -53,13 +57,14 @@ def test_every_format_has_a_survey_and_a_proposal(tmp_path, drive, name):
     assert set(drive.signals) <= {*record.signals, *record.reference}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_damaged_file_gives_a_record_or_a_signal_error(tmp_path, drive, name):
     """Cut anywhere or with flipped bits."""
     path, signal_map = stored(drive.cut(0, 2), tmp_path, name)
     whole, rng = path.read_bytes(), random.Random(name)
     records = 0
-    for k in range(8):
+    for k in range(6):
         data = bytearray(whole)
         if k % 2:
             data = data[: rng.randrange(len(data))]
@@ -74,7 +79,7 @@ def test_a_damaged_file_gives_a_record_or_a_signal_error(tmp_path, drive, name):
             assert all(np.isfinite(values[np.isfinite(values)]).all() for values in record.signals.values())
         with contextlib.suppress(SignalError), open_log(path, signal_map.databases) as log:
             survey_log(log)
-    if name not in ("drive.parquet", "drive.mf4", "drive.mcap", "v73.mat"):  # these need the end, or all
+    if name not in ("drive.parquet", "drive.mf4", "drive.mcap", "v73.mat", "drive.xlsx"):  # these need the end, or all
         assert records > 0
 
 
@@ -83,10 +88,36 @@ HEADS = [
     b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n", b"\x89MCAP0\r\n", b"LOGG\x90\0\0\0",
     b"date Sat Nov 21\nbase hex  timestamps absolute\n", b";$FILEVERSION=2.0\n;$COLUMNS=N,O,T,I,d,l,D\n",
     b"(1.0) can0 18F0090B#00", b"t;v\n0;1\n", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE, b"PK\x03\x04", b"\x1f\x8b\x08",
+    b"PK\x03\x04" + bytes(26) + b"xl/workbook.xml", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
+    b"TDSm\x0e\0\0\0\x69\x12\0\0", b"ULog\x01\x12\x35\x01" + bytes(8),
 ]  # fmt: skip
 
 
-@settings(max_examples=80, deadline=None)
+@pytest.mark.parametrize(
+    ("head", "what"),
+    [
+        (b"BZh91AY&SY", "compressed by bzip2; .*rlog of openpilot"),
+        (b"\xfd7zXZ\0\0\x04", "compressed by xz"),
+        (b"(\xb5/\xfd\x24", "compressed by zstd; .*rlog of openpilot"),
+        (b"ERDFILEV2.00\n 3, 100, -1, 1, 4, 0.01, -1,\n", "results of CarSim or TruckSim; write .* as CSV or MATLAB"),
+        (b'{\r\n  "VsChannelGroup" : {\r\n', "results of CarSim or TruckSim"),
+        (struct.pack("<I4xII", 0x40, 13384, 23056), r"a log of MoTeC \(.ld\); export CSV or MATLAB"),
+        (b"DIAEXTENDED  {@:ENGLISH\r\n", "saved by DIAdem; save it as TDMS or CSV"),
+        (b'<?xml version="1.0" encoding="UTF-8"?>\n<usi:tdm version="1.0">', "saved by DIAdem"),
+        (struct.pack("<IIIHH", 0, 700, 0, 2, 1) + bytes(24), "an rlog of openpilot; write its messages as CSV"),
+        (struct.pack("<IHH", 0xA1B2C3D4, 2, 4), "a pcap capture .*candump"),
+        (struct.pack(">IHH", 0xA1B23C4D, 2, 4), "a pcap capture"),
+        (struct.pack("<III", 0x0A0D0D0A, 28, 0x1A2B3C4D), "a pcap capture"),
+    ],
+)
+def test_what_is_not_read_is_named_with_what_to_do(tmp_path, head, what):
+    (tmp_path / "a.log").write_bytes(head + bytes(100))
+    with pytest.raises(SignalError, match=rf"^a\.log: {what}"):
+        open_log(tmp_path / "a.log")
+
+
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None)
 @given(
     head=st.sampled_from(HEADS),
     data=st.binary(max_size=300)

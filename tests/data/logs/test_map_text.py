@@ -1,10 +1,15 @@
 """Entries of a signals.toml changed, without a loss of comments and other entries."""
 
+from pathlib import Path
+
 import pytest
 
+from fifthwheel.apps.workflow.inputs import survey_file
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap
-from fifthwheel.data.logs.map_text import with_channel, without_channel
+from fifthwheel.data.logs.map_text import is_unchanged, with_channel, without_channel
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 TEXT = """# by hand
 databases = ["truck.dbc"]
@@ -93,3 +98,12 @@ def test_the_uncertainty_of_a_number_stays(key, old, value, new):
     """A button of the workbench that corrects a delay must not drop what the user states of it."""
     text = f'[signals."steer.tractor.front"]\ncolumn = "swa"\n{key} = "{old}"\n'
     assert f'{key} = "{new}"' in with_channel(text, "steer.tractor.front", **{key: value})
+
+
+def test_a_proposal_is_unchanged_until_it_is_edited(tmp_path):
+    path = tmp_path / "signals.toml"
+    contents = survey_file(EXAMPLES / "lane_changes.csv", map_file=path)
+    assert is_unchanged(path)
+    path.write_text(contents.signals_toml.replace("[signals", "# mine\n[signals", 1))
+    assert not is_unchanged(path)
+    assert not is_unchanged(tmp_path / "absent.toml")

@@ -230,6 +230,7 @@ def test_a_time_since_1970_is_shifted(tmp_path):
     assert record.started == record.date + timedelta(seconds=float(record.time[0]))
 
 
+@pytest.mark.slow
 def test_the_time_of_a_channel_is_sampled_with_it(tmp_path):
     from asammdf import MDF, Signal
 

@@ -8,11 +8,11 @@ from asammdf import MDF, Signal
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs.files import record_of
-from fifthwheel.data.logs.propose import survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.signal_map import SignalMap
 from fifthwheel.data.logs.source import Chunk, Column, LogSource
 from fifthwheel.data.logs.stored import StoredLog, store_log
+from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
@@ -60,6 +60,7 @@ def test_the_date_of_a_recording_is_that_of_its_header(tmp_path):
         assert Occasion(date=datetime.now(UTC)).date_of([record]) == date + timedelta(seconds=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_the_record_of_stored_samples_is_that_of_the_file(tmp_path, name):
     path, signal_map = stored(simulate(get("cheng_cebon_2011"), count=1, seed=1), tmp_path, name)
@@ -150,3 +151,19 @@ def _empty(folder):
     store_log(log, folder)
     assert StoredLog(folder).span() == (0.0, 1.0)
     return folder
+
+
+def test_an_axis_leaves_out_spikes_and_no_manoeuvre(tmp_path):
+    for name, lasts in (("spike", 2), ("manoeuvre", 10)):
+        values = np.sin(TIME)
+        values[1000 : 1000 + lasts] = 40.0 + np.arange(lasts)
+        path = tmp_path / f"{name}.csv"
+        path.write_text(
+            "time [s],y\n" + "\n".join(f"{t},{y:.4f}" for t, y in zip(TIME[:9000], values[:9000], strict=True))
+        )
+        (folder := tmp_path / name).mkdir()
+        with open_log(path) as log:
+            store_log(log, folder)
+        visible = StoredLog(folder).range_without_spikes("y", 0.0, 9.0)
+        assert (visible is None) == (name == "manoeuvre")
+        assert visible is None or max(np.abs(visible)) < 1.3

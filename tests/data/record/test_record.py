@@ -46,7 +46,7 @@ def test_is_frozen_and_read_only():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"time": np.where(np.arange(T.size) == 50, 4.85, T)}, r"time: goes back from 4\.9 to 4\.85 s at row 51"),
+        ({"time": np.where(np.arange(T.size) == 50, 4.85, T)}, r"time: goes back from 4\.9 s to 4\.85 s at row 51"),
         ({"time": np.where(np.arange(T.size) == 50, 4.9, T)}, r"time: 4\.9 s at row 51 occurs twice"),
         ({"time": np.where(np.arange(T.size) == 50, np.nan, T)}, r"time: no finite value at row 51"),
         ({"time": T[:1], "signals": {"speed": T[:1]}}, "time: 1 samples, at least 2"),
@@ -422,3 +422,10 @@ def test_the_table_of_a_notebook(run):
 def test_a_table_of_a_channel_without_samples():
     run = Record(time=TIME, signals={"speed": np.full(100, np.nan)})
     assert "100 %" in run._repr_html_()
+
+
+def test_masked_samples_are_missing():
+    values = np.ma.masked_array([1.0, 2.0, 3.0], mask=[False, True, False])
+    record = Record.from_arrays([0.0, 0.1, 0.2], {"yaw_rate.tractor": values})
+    assert record.signals["yaw_rate.tractor"] == pytest.approx([1.0, np.nan, 3.0], nan_ok=True)
+    assert Record(time=np.arange(3.0), signals={"speed": values}).signals["speed"][1] != 2.0

@@ -53,7 +53,7 @@ def test_gaps_remain():
     assert np.isnan(result[(grid > 2) & (grid < 2.5), 1]).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 99), cuts=st.lists(st.integers(1, 5999), max_size=8), dense=st.booleans())
 def test_the_result_does_not_depend_on_the_pieces(seed, cuts, dense):
     random = np.random.default_rng(seed)

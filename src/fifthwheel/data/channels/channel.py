@@ -155,6 +155,8 @@ class TurnRelation:
     """The part of a unit to which the relation applies; None for all."""
     has_other_causes: bool = False
     """Whether more than turns excites the signal: then only an inverted sign and a wrong gain are faults."""
+    derivative: bool = False
+    """Whether the expected value is that of the derivative of the signal."""
     sign_only: bool = False
     """Whether only an inverted sign is a fault, of a signal of the expected size that no delay explains as well: it may
     be as small as its noise, and nothing else finds its delay."""
@@ -262,7 +264,7 @@ class Channel:
     discrepancy: float = 0.0
     """Standard deviation of the part of the signal that the linear model does not describe, SI, with the time constant
     of some seconds: of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification
-    fits (`estimate.identify.noise_model`)."""
+    fits (`estimate.filters.noise_model`)."""
     shows_clock: bool = False
     """Whether the drift of its clock is measured (`estimate.time_bases.findings`)."""
     large_offset: bool = False

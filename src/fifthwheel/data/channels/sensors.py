@@ -74,6 +74,11 @@ SENSOR_CLASSES: Mapping[str, SensorClass] = {
 """By the name in signals.toml. Where the comment gives no other source, the number is engineering judgement."""
 
 
+def fitting_classes(quantity: str) -> list[str]:
+    """The classes of sensors of a quantity."""
+    return [name for name, kind in SENSOR_CLASSES.items() if quantity in kind.offset]
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorPrior(Settings):
     """What is stated of the sensor of a signal, beyond what its log is corrected by.
@@ -139,7 +144,7 @@ class SensorPrior(Settings):
         if self.errors.get("play", (0.0, None))[0] < 0:
             raise SignalError(f"{signal}: play: expected 0 or more; give its magnitude")
         quantity = SignalName.of(signal).quantity
-        fitting = [name for name, kind in SENSOR_CLASSES.items() if quantity in kind.offset]
+        fitting = fitting_classes(quantity)
         if self.sensor_class and self.sensor_class not in fitting:
             cure = suggestion(self.sensor_class, fitting) if fitting else "no class has this quantity; remove it"
             raise SignalError(f"{signal}: sensor: expected a class of {quantity}, got {self.sensor_class!r}; {cure}")

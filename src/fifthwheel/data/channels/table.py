@@ -1,6 +1,7 @@
 """The table of what sensors measure, with their errors: a `Channel` for each quantity, by the kind of motion."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -165,6 +166,9 @@ def _in_turn(turn: Turn) -> Array:
     return np.asarray(ROLL_GRADIENT * np.gradient(acceleration, turn.step))
 
 
+ROLLING = TurnRelation(
+    expected=_in_turn, least_sigma=0.003, gain_faults=(GainFault("degrees", 20, np.inf),), has_other_causes=True
+)
 ROLL_RATE = Channel(
     quantity="roll_rate",
     of_roll=True,
@@ -176,9 +180,7 @@ ROLL_RATE = Channel(
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=2.0, jump=0.4),
-    turn=TurnRelation(
-        expected=_in_turn, least_sigma=0.003, gain_faults=(GainFault("degrees", 20, np.inf),), has_other_causes=True
-    ),
+    turn=ROLLING,
     noise=(4.52e-4, 4.70e-5),  # equation (12) of the article
     discrepancy=0.001,
     shows_clock=True,
@@ -203,6 +205,7 @@ ROLL = Channel(
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=0.5, jump=0.05, turn=0.02),
+    turn=replace(ROLLING, derivative=True),
     noise=(0.005**2, 0.005**2),
     state=StateNoise(process=3e-5**2, observer_process=1e-3**2, initial_sigma=0.005),
     model=SensorModel(value=lambda now, i, _: now.motion.roll[i], needs_roll=True),
@@ -235,7 +238,7 @@ LATERAL_ACCELERATION = Channel(
     proposed="signal",
     limit=SignalLimits(magnitude=12.0, jump=3.0, turn=1.0),
     turn=TurnRelation(
-        expected=lambda turn: turn.speed * turn.yaw_rate,
+        expected=lambda turn: turn.speed * turn.unit_yaw_rate,
         least_sigma=0.3,
         gain_faults=(GainFault("degrees", -1, 1 / 20), GainFault("unit", -1, 0.4), GainFault("unit", 2.5, 5)),
         largest_offset=1.0,

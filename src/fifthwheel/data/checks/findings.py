@@ -66,6 +66,8 @@ class Finding:
     """The signal, the expected and the actual value, and the cure."""
     remedy: Mapping[str, str | float] = field(default_factory=dict)
     """Keys of signals.toml whose values remove the fault; empty where the user must decide."""
+    sigma: float | None = None
+    """Standard deviation of a delay that is the remedy, s."""
     others: tuple[str, ...] = ()
     """Further signals with the same fault and the same remedy."""
     log: str | None = None
@@ -73,6 +75,11 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message}"
+
+
+def uncertain_delay(delay: float, sigma: float) -> str:
+    """A delay, s, as a signals.toml has it: "0.28 s +- 0.05 s"."""
+    return f"{round(delay, 3):g} s +- {sigma:.1g} s"
 
 
 def remedy_text(remedy: Mapping[str, str | float]) -> str:

@@ -7,7 +7,7 @@ wheel of an axle is faster than the left one by a fraction proportional to the y
 relations are approximate, but sufficient to detect a wrong sign, degrees or a wrong column.
 """
 
-from collections import Counter
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +19,7 @@ from fifthwheel.data.channels import STEER, YAW_RATE, SignalName, channel_of, is
 from fifthwheel.data.channels.channel import Turn, TurnRelation
 from fifthwheel.data.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.data.checks.samples import MAX_SPEED, present_samples
+from fifthwheel.data.checks.signs import Signs, likely_signs
 from fifthwheel.data.record.derived import all_pairs, sides_of, with_differences
 from fifthwheel.data.record.record import Record
 
@@ -72,6 +73,8 @@ class Relation:
     """Whether both vary enough for a comparison."""
     wheelbase: float
     """m, of the leading unit."""
+    own: str = ""
+    """The yaw rate of its unit, from which a roll follows; empty for other signals."""
 
     @property
     def turn(self) -> TurnRelation:
@@ -114,37 +117,47 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     every = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
     rolling = [relation for relation in every if relation.turn.has_other_causes]
     turning = [relation for relation in every if not relation.turn.has_other_causes]
-    leading_faults = _leading_faults(turning, rolling)
-    for culprit in leading_faults:
-        yield _finding(next(r for r in turning if r.fault is culprit), culprit, of_leading=True)
+    inverted = signs_of(every).inverted
     confirmed = any(relation.agrees for relation in turning)
-    for relation in turning:
-        fault = relation.fault
-        if fault is Fault.DEGREES and relation.gain < 1:
-            yield _finding(relation, fault, of_leading=True)
-        elif fault is not None and fault not in leading_faults:
-            if relation.signal in record.signals:
-                yield _finding(relation, fault, of_leading=False, confirmed=confirmed)
-            else:
-                yield _exchanged_sides(relation, confirmed=confirmed)
+    if every and every[0].leading in inverted:
+        yield _finding(next(r for r in every if r.fault is Fault.SWAPPED_SIGN), Fault.SWAPPED_SIGN, of_leading=True)
+    if is_unrelated := _leading_is_unrelated(turning):
+        wrong = next(r for r in turning if r.fault is Fault.WRONG_COLUMN)
+        yield _finding(wrong, Fault.WRONG_COLUMN, of_leading=True)
     # A roll rate is compared with the yaw rate of its own unit, which must be without a fault.
     doubtful = {SignalName.of(r.signal).unit for r in turning if r.fault and is_of(r.signal, YAW_RATE)}
-    for relation in rolling:
-        if relation.fault and not leading_faults and SignalName.of(relation.signal).unit not in doubtful:
-            yield _finding(relation, relation.fault, of_leading=False, confirmed=confirmed)
+    for relation in (*turning, *rolling):
+        fault = Fault.SWAPPED_SIGN if relation.signal in inverted else relation.fault
+        is_explained = fault is Fault.SWAPPED_SIGN and relation.signal not in inverted
+        of_yaw_rate = relation.own and (is_unrelated or SignalName.of(relation.signal).unit in doubtful)
+        if fault is None or is_explained or (fault is Fault.WRONG_COLUMN and is_unrelated):
+            continue
+        if fault is Fault.SWAPPED_SIGN and relation.signal not in record.signals:
+            yield _exchanged_sides(relation, confirmed=confirmed)
+        elif fault is Fault.SWAPPED_SIGN or not of_yaw_rate:
+            of_leading = fault is Fault.DEGREES and relation.gain < 1
+            yield _finding(relation, fault, of_leading=of_leading, confirmed=confirmed)
 
 
-def _leading_faults(turning: Sequence[Relation], rolling: Sequence[Relation]) -> list[Fault]:
-    """The smallest number of faults that explains all: those of the leading yaw rate, else one of each signal."""
+def signs_of(every: Sequence[Relation]) -> Signs:
+    """Which signals are inverted, by the relations whose sign is clear."""
+    clear = {
+        r.signal: -1 if r.fault is Fault.SWAPPED_SIGN else 1 for r in every if r.agrees or r.fault is Fault.SWAPPED_SIGN
+    }
+    signs = dict.fromkeys((r.leading for r in every), 1)
+    for r in sorted(every, key=lambda r: bool(r.own)):
+        if r.signal in clear and (r.own or r.leading) in signs:
+            signs[r.signal] = clear[r.signal] * signs[r.own or r.leading]
+    return likely_signs(signs)
+
+
+def _leading_is_unrelated(turning: Sequence[Relation]) -> bool:
+    """Whether fewer faults explain all if the leading yaw rate is that of another column, and not each other signal."""
     # who exchanges the wheel speeds of one axle may do so of all: the differences count as one signal
     wheels = sorted((r for r in turning if r.turn.sign_only), key=lambda relation: relation.fault is not None)
     witnesses = [*(r for r in turning if not r.turn.sign_only), *wheels[:1]]
-    counts = Counter(relation.fault for relation in witnesses)
-    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -_CLEAR}
-    # a roll rate that agrees with a yaw rate is inverted with it
-    following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
-    agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
-    return [fault for fault, others in agreeing.items() if counts[fault] > 1 + len(witnesses) - counts[fault] + others]
+    unrelated = sum(relation.fault is Fault.WRONG_COLUMN for relation in witnesses)
+    return unrelated > 1 + len(witnesses) - unrelated
 
 
 def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:
@@ -168,12 +181,15 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         if turn is None or name == leading or turn.part not in (None, signal.part):
             continue
         values, known = at_common_time(record, name, time)
+        if turn.derivative:
+            values = np.gradient(values, _STEP)
         if turn.lag:
             values = motion.lagged(values, turn.lag)
         compared = fast & known
         if compared.sum() * _STEP < (_NOISY_DURATION if turn.sign_only else _MIN_DURATION):
             continue
-        own_rate, own_known = at_common_time(record, f"yaw_rate.{signal.unit}", time)
+        own_name = f"yaw_rate.{signal.unit}"
+        own_rate, own_known = at_common_time(record, own_name, time)
         own = motion._replace(
             own_yaw_rate=own_rate if own_known.any() else rate, is_towed=signal.unit != SignalName.of(leading).unit
         )
@@ -197,6 +213,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
             excited=turning and float(np.std(actual[compared])) > turn.least_sigma,
             wheelbase=wheelbase,
+            own=(own_name if own_known.any() else leading) if turn.has_other_causes else "",
         )
 
 
@@ -252,9 +269,11 @@ def correlation(a: Array, b: Array, mask: NDArray[np.bool_], shift: int) -> floa
     first_a, first_b = max(0, -shift), max(0, shift)
     both = mask[first_a : first_a + size] & mask[first_b : first_b + size]
     x, y = a[first_a : first_a + size][both], b[first_b : first_b + size][both]
-    if x.size < 40 or np.std(x) < 1e-12 or np.std(y) < 1e-12:
+    if x.size < 40:
         return 0.0
-    return float(np.corrcoef(x, y)[0, 1])
+    x, y = x - x.mean(), y - y.mean()
+    squares = float(x @ x), float(y @ y)
+    return float(x @ y) / math.sqrt(squares[0] * squares[1]) if min(squares) > 1e-24 * x.size else 0.0
 
 
 def _exchanged_sides(relation: Relation, *, confirmed: bool) -> Finding:
@@ -290,8 +309,11 @@ def _explain(
     expected = f"{factor} times the value expected from {other}"
     match fault:
         case Fault.SWAPPED_SIGN:
+            against = f"{other} (correlation {relation.correlation:.2f}, positive expected)"
+            if relation.correlation > 0:
+                against = f"other signals, as that of {relation.own or relation.leading} does"
             problem = (
-                f"the sign contradicts {other} (correlation {relation.correlation:.2f}, positive expected); in a left "
+                f"the sign contradicts {against}; in a left "
                 "turn steer, yaw rate, lateral acceleration and roll are positive, articulation is negative"
             )
             remedy, more = {"sign": -1}, ""

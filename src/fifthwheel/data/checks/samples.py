@@ -1,7 +1,7 @@
 """Faults that a channel shows on its own: missing samples, spikes and constant values."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -106,8 +106,12 @@ def spike_mask(name: str, time: Array, values: Array) -> NDArray[np.bool_]:
     low, high = np.quantile(values, [_MAX_SPIKES / 2, 1 - _MAX_SPIKES / 2])
     # a peak is off its median by less than the fastest change before and after it
     threshold = max(8 * noise, limit.jump * max(0.75, step / 0.1), 0.05 * float(high - low))
-    around = sliding_window_view(np.pad(values, half, mode="reflect"), 2 * half + 1)
-    for rows in np.array_split(np.arange(values.size), math.ceil(values.size / _CHUNK)):
+    width = 2 * half + 1
+    around = sliding_window_view(np.pad(values, half, mode="reflect"), width)
+    blocks = [bound.reduceat(values, np.arange(0, values.size, width)) for bound in (np.minimum, np.maximum)]
+    lowest, highest = (sliding_window_view(np.pad(block, 1, mode="edge"), 3) for block in blocks)
+    wide = np.repeat(highest.max(axis=1) - lowest.min(axis=1) > threshold, width)[: values.size]
+    for rows in np.array_split(np.flatnonzero(wide), math.ceil(values.size / _CHUNK)):
         rows = rows[np.ptp(around[rows], axis=1) > threshold]
         mask[rows] = np.abs(values[rows] - np.median(around[rows], axis=1)) > threshold
     return mask if np.mean(mask) < _MAX_SPIKES else np.zeros_like(mask)
@@ -129,6 +133,27 @@ def without_spikes(record: Record) -> Record:
         if mask.any():
             repaired[name] = given.copy()
             repaired[name][np.flatnonzero(present)[mask]] = np.nan
+    return record.with_signals(repaired) if repaired else record
+
+
+def without_outliers(record: Record, names: Iterable[str], limit: float) -> Record:
+    """The record with single samples of these signals marked as missing that are off the median of the five around them
+    by more than `limit` robust sigmas of the noise: a mean of few samples would have them."""
+    repaired = {}
+    for name in names:
+        present = np.flatnonzero(~np.isnan(record.signals[name]))
+        values = record.signals[name][present]
+        if values.size < 5:
+            continue
+        around, off = sliding_window_view(np.pad(values, 2, mode="edge"), 5), np.empty_like(values)
+        for rows in np.array_split(np.arange(values.size), math.ceil(values.size / _CHUNK)):
+            off[rows] = np.abs(values[rows] - np.median(around[rows], axis=1))
+        # of the noise, by second differences; 0 of a signal that does not change from sample to sample
+        sigma = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6)
+        mask = off > limit * sigma
+        if sigma > 0 and 0 < np.mean(mask) < _MAX_SPIKES:
+            repaired[name] = record.signals[name].copy()
+            repaired[name][present[mask]] = np.nan
     return record.with_signals(repaired) if repaired else record
 
 

@@ -6,27 +6,42 @@ from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError, UnitError, printable
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor, quantity
-from fifthwheel.data.channels import STEER, is_input, is_of, si_unit
+from fifthwheel.data.channels import SPEED, STEER, is_input, is_of, si_unit
 from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.data.checks.missing_marks import MissingMarks
 from fifthwheel.data.checks.samples import impossible_samples, spike_mask, spike_note
+from fifthwheel.data.logs.row_time import RowTime, find_row_time
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.data.record.full_turns import Unwrapped
 from fifthwheel.data.record.record import EARLIEST_DATE, Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.data.record.timestamps import HeldSamples, Renewals, implausible_timestamps, typical_step
+from fifthwheel.data.record.timestamps import (
+    MIN_EPOCH,
+    SLOWEST_SPEED,
+    HeldSamples,
+    Renewals,
+    RepeatedTimestamps,
+    implausible_timestamps,
+    typical_step,
+)
 
 Window = tuple[float, float]
 """First and last instant, s."""
-_MIN_EPOCH = 1e8
-"""s; a time that begins later counts from 1970."""
 _MAX_TIME = 1e100
 """s; a larger magnitude is no timestamp, and differences would overflow."""
 _LOGGER = "logger"
 """Name of the logger's own clock, where the steer angle has another one."""
+_LEAST_SPARSE, _REGULAR = 10, 0.8
+"""Samples of an input of a lower rate than the rows, and the fraction of them at regular steps; else samples are
+missing."""
+_SLOWEST_STEER = 0.25
+"""s; a driver steers within a longer period."""
 SAME_INSTANT = 1e-6
 """s; timestamps closer than this are one instant."""
 
@@ -64,12 +79,12 @@ def assemble(
     parts = {"signals": signal_map.signals, "reference": signal_map.reference}
     channels = {(part, signal): channel for part, mapped in parts.items() for signal, channel in mapped.items()}
     sources = {key: _sources(log, signal_map, key[1], channel) for key, channel in channels.items()}
-    columns: dict[_Timestamps, dict[str, None]] = {}
-    for timestamps, column in (source for of_channel in sources.values() for source in of_channel):
-        columns.setdefault(timestamps, {})[column] = None
-    time_bases = {
-        timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
-    }
+    columns: dict[_Timestamps, dict[str, _Use]] = {}
+    for key, channel in channels.items():
+        for timestamps, column in sources[key]:
+            use = columns.setdefault(timestamps, {}).setdefault(column, _Use())
+            use.add(key[1], channel, log.columns[column].unit)
+    time_bases = {timestamps: _TimeBase(log, timestamps, uses, signal_map) for timestamps, uses in columns.items()}
     needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
     unmatched = set(exclude)
     for chunk in _outside(log, needed, unmatched, exclude, signal_map) if exclude else log.chunks(needed):
@@ -91,7 +106,7 @@ def assemble(
         notes += of_samples
     time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
     origin = log.start
-    if time[0] > _MIN_EPOCH:
+    if time[0] > MIN_EPOCH:
         origin = start = float(np.floor(time[0]))
         notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
@@ -124,9 +139,9 @@ def _outside(
     for first, last in windows:
         if not first < last:
             raise SignalError(f"exclude {first:g}..{last:g}: expected the first instant before the last; exchange them")
-    rows, left = _row_time(log, signal_map), False
-    for chunk in log.chunks({*columns, rows or ""} - {""}):
-        time = log.times(chunk, rows, signal_map.time.unit)
+    rows, left = RowTime(log, _row_time(log, signal_map), signal_map.time.unit), False
+    for chunk in log.chunks({*columns, rows.column or ""} - {""}):
+        time = rows.of(chunk)
         if time is None:
             yield chunk
             left = True
@@ -186,53 +201,96 @@ class _Timestamps(NamedTuple):
         return bool(self.column) and not self.signal
 
 
+@dataclass(kw_only=True)
+class _Use:
+    """What the signals that a column is mapped to need of its samples."""
+
+    missing: tuple[float, ...] | None = None
+    """The stated marks of missing samples."""
+    of_speed: bool = False
+    turn: float | None = None
+    """A full turn in its unit, of an angle."""
+
+    def add(self, signal: str, channel: SignalSource, log_unit: str | None) -> None:
+        """Add what one more signal needs."""
+        self.missing = self.missing if channel.missing is None else channel.missing
+        self.of_speed |= signal == SPEED.quantity
+        if channel.si(signal) == "rad" and channel.points is None:
+            self.turn = _full_turn(channel.unit or log_unit)
+
+
+def _full_turn(unit: str | None) -> float:
+    """A full turn in a unit; in degrees for a column without one, because none in rad is as large by mistake."""
+    try:
+        return 2 * np.pi / factor(unit or "deg", "rad")
+    except UnitError:
+        return np.inf
+
+
 class _TimeBase:
     """The columns with common timestamps, read in chunks."""
 
-    def __init__(self, log: LogSource, timestamps: _Timestamps, columns: Sequence[str], signal_map: SignalMap) -> None:
+    def __init__(
+        self, log: LogSource, timestamps: _Timestamps, uses: Mapping[str, _Use], signal_map: SignalMap
+    ) -> None:
         self.time = np.empty(0)
         """(N,) s; complete after finish()."""
         self.values: dict[str, Array] = {}
         """(N,) values of every column; complete after finish()."""
         self.held: dict[str, HeldSamples] = {}
         """The columns that are held, which have no values between their renewals; complete after finish()."""
-        self._timestamps, self._columns, self._rate = timestamps, columns, signal_map.rate
+        self._timestamps, self._columns, self._rate = timestamps, list(uses), signal_map.rate
         self._label = f"{log.name}: {timestamps.column or timestamps.clock}"
-        mapped_unit = signal_map.time.unit if timestamps.of_rows else None
-        unit = mapped_unit or (log.columns[timestamps.column].unit if timestamps.column else None)
-        self._seconds = factor(unit or "s", "s")
-        self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
-        self._renewals = {name: Renewals() for name in columns}
+        self._rows = RowTime(log, timestamps.column or None, signal_map.time.unit if timestamps.of_rows else None)
+        self._repeated = RepeatedTimestamps()
+        self._marks = {name: MissingMarks(use.missing) for name, use in uses.items()}
+        self._stream = StreamDecimator(self._columns, rate=self._rate, time_base=self._label)
+        self._renewals = {name: Renewals(of_speed=use.of_speed) for name, use in uses.items()}
+        self._angles = {name: Unwrapped(use.turn) for name, use in uses.items() if use.turn is not None}
         self._last_time = np.nan
 
     def push(self, chunk: Chunk) -> None:
         """Add the next samples."""
-        values, column = chunk.values, self._timestamps.column
-        with np.errstate(over="ignore"):  # damaged values may overflow
-            time = values[column] * self._seconds if column else chunk.time
+        column, time = self._timestamps.column, self._rows.of(chunk)
+        values: Mapping[str, Array] = {name: marks.without(chunk.values[name]) for name, marks in self._marks.items()}
         if time is None:
             raise SignalError(f"{self._label}: no timestamps; name their column with time = ... in signals.toml")
         time = np.where(np.abs(time) < _MAX_TIME, time, np.nan)
         if self._timestamps.of_rows:
             time = np.where(implausible_timestamps(time), np.nan, time)
+            time, values = self._repeated.push(time, values)
         elif column:  # a repeated timestamp marks a repeated sample
             new = np.isfinite(time) & np.isfinite([values[name] for name in self._columns]).all(axis=0)
             new_time = time[new]
             new[new] = np.diff(new_time, prepend=self._last_time) != 0
             self._last_time = float(new_time[-1]) if new_time.size else self._last_time
-            time, values = time[new], {name: values[name][new] for name in self._columns}
+            time, values = time[new], {name: samples[new] for name, samples in values.items()}
+        self._add(time, values)
+
+    def _add(self, time: Array, values: Mapping[str, Array]) -> None:
+        values = {**values, **{name: angle.push(time, values[name]) for name, angle in self._angles.items()}}
         self._stream.push(time, values)
         for name, renewals in self._renewals.items():
             renewals.push(time, values[name])
 
     def finish(self) -> list[str]:
         """Join the samples; notes on rows left out and on decimation."""
+        time, values = self._repeated.last(self._label)
+        if time.size:
+            self._add(time, values)
         self.time, self.values = self._stream.finish()
         if self._timestamps.of_rows and not self.time.size:
             raise SignalError(
                 f"{self._label}: no finite time in any row; name another column in [time] of signals.toml"
             )
-        notes = []
+        notes = [*self._rows.notes, *self._repeated.notes]
+        notes += [note for name, marks in self._marks.items() for note in marks.notes(name)]
+        notes += [
+            f"{name}: jumps by a full turn {angle.jumps} times; it is made continuous, with most of it near 0"
+            for name, angle in self._angles.items()
+            if angle.jumps
+        ]
+        self.values |= {name: angle.centred(self.values[name]) for name, angle in self._angles.items()}
         if self._stream.rows_without_time:
             count = self._stream.rows_without_time
             notes.append(f"time: {count} row{'s' * (count > 1)} without a time left out")
@@ -241,6 +299,8 @@ class _TimeBase:
             notes.append(f"{label}: {self._stream.decimated_from:.4g} samples/s decimated to {self._rate:g}")
         for name, renewals in self._renewals.items():
             held = renewals.finish()
+            if held is not None and name in self._angles:
+                held = replace(held, values=self._angles[name].centred(held.values))
             if held is not None and held.rate <= DECIMATION_RATIO * self._rate:
                 self.held[name], self.values[name] = held, self._renewed(held)
         return notes
@@ -284,7 +344,7 @@ def _sources(
 
 def _row_time(log: LogSource, signal_map: SignalMap) -> str | None:
     """The column with the time of a table's rows, if there is one."""
-    return log.row_time if signal_map.time.column is None else log.find(signal_map.time.column)
+    return find_row_time(log) if signal_map.time.column is None else log.find(signal_map.time.column)
 
 
 def _samples(
@@ -296,7 +356,8 @@ def _samples(
     delay = quantity(channel.delay, "s")
     with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
         try:
-            values = channel.converted(_on_first_time_base(log, sources), si)
+            values = channel.converted(_on_first_time_base(log, sources), channel.si(signal))
+            values = _derivative(first.time, values) if channel.derivative else values
         except UnitError as error:
             place = f"{signal}: column {column} of {log.name}"
             unit = channel.unit or log.columns[column].unit
@@ -311,7 +372,7 @@ def _samples(
     present = np.flatnonzero(np.isfinite(values))
     spiky = spike_mask(signal, first.time[present], values[present])
     if spiky.any():
-        start = np.floor(first.time[0]) if first.time[0] > _MIN_EPOCH else 0.0
+        start = np.floor(first.time[0]) if first.time[0] > MIN_EPOCH else 0.0
         notes.append(f"{signal}: {spike_note(signal, first.time[present] - start, values[present], spiky)}")
         values = values.copy()
         values[present[spiky]] = np.nan
@@ -320,7 +381,35 @@ def _samples(
         table = f"a table of {held.rate * held.repetitions:.4g} Hz"
         notes.append(f"{signal}: held, {held.rate:.3g} Hz in {table}; only renewed values count as samples")
         time, values = time[np.isfinite(values)], values[np.isfinite(values)]
-    return Samples(time=time, values=values, own_time=first is not rows or delay != 0 or held is not None), notes
+    own_time = first is not rows or delay != 0 or held is not None
+    if not own_time and (rate := _sparse_rate(signal, time, values)):
+        notes.append(f"{signal}: {rate:.3g} Hz in a table of {1 / typical_step(time):.4g} Hz; interpolated")
+        own_time, time, values = True, time[np.isfinite(values)], values[np.isfinite(values)]
+    return Samples(time=time, values=values, own_time=own_time), notes
+
+
+def _derivative(time: Array, values: Array) -> Array:
+    """The derivative of a channel (n,) by central differences; NaN where it has no value, and beside a gap."""
+    rows, result = np.flatnonzero(np.isfinite(values)), np.full(values.size, np.nan)
+    if rows.size > 2:
+        result[rows[1:-1]] = (values[rows[2:]] - values[rows[:-2]]) / (time[rows[2:]] - time[rows[:-2]])
+        result[rows[1:-1][time[rows[2:]] - time[rows[:-2]] > 4 * typical_step(time[rows])]] = np.nan
+    return result
+
+
+def _is_regular(steps: NDArray[np.intp]) -> bool:
+    """Whether steps (n,) are equal but for few."""
+    return bool(np.mean(np.abs(steps - np.median(steps)) <= 1) > _REGULAR)
+
+
+def _sparse_rate(signal: str, time: Array, values: Array) -> float:
+    """Sampling rate, Hz, of an input that has a value in few rows (n,); 0 if most have one, or it is too slow."""
+    rows = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(rows)
+    if not is_input(signal) or rows.size < _LEAST_SPARSE or np.median(steps) < 2 or not _is_regular(steps):
+        return 0.0
+    period = typical_step(time[rows])
+    return 1 / period if period < (SLOWEST_SPEED if signal == SPEED.quantity else _SLOWEST_STEER) else 0.0
 
 
 def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]) -> Iterator[tuple[Array, str | None]]:

@@ -30,8 +30,9 @@ def read_log(
     exclude: Sequence[Window] = (),
     progress: ReadProgress = no_progress,
 ) -> Record:
-    """The record in a log file: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace, recognised by its content.
+    """The record in a log file: CSV, Excel, Parquet, MF4, MATLAB, TDMS, MCAP, ULog or a CAN trace.
 
+    The content of the file identifies the format.
     Columns whose headers are names of signals ("yaw_rate.tractor [deg/s]") need no map; those that begin with
     "reference." become reference signals. The time is that of the file, or the column "time" or "t" of a table.
     Samples that were left out are listed in the record's notes.

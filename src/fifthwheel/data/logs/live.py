@@ -9,10 +9,11 @@ import numpy as np
 from fifthwheel.base.arguments import expect, expect_names
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import factor, quantity
-from fifthwheel.data.channels import is_input, si_unit, split_header
+from fifthwheel.data.channels import is_input, split_header
 from fifthwheel.data.logs.assemble import SAME_INSTANT, interpolated
+from fifthwheel.data.logs.row_time import time_column
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.data.logs.source import Column, find_column, time_column
+from fifthwheel.data.logs.source import Column, find_column
 
 _SOURCE = "live samples"
 _MEMORY = 2.0
@@ -60,6 +61,8 @@ class LiveMap:
         for signal, channel in signal_map.completed(self._keys).signals.items():
             if channel.time is not None:
                 raise SignalError(f"{signal}: has timestamps of its own; give live samples one time, and delete `time`")
+            if channel.derivative:
+                raise SignalError(f"{signal}: live samples have no derivative; send the rate, and delete `derivative`")
             names = [find_column(text, found, _SOURCE) for text in channel.columns]
             self._channels[signal] = (channel, names)
         given = signal_map.time.column
@@ -84,7 +87,7 @@ class LiveMap:
                 signals[signal] = math.nan
                 continue
             columns = [(np.array([cell]), self._columns[name].unit) for cell, name in zip(cells, names, strict=True)]
-            signals[signal] = float(channel.converted(columns, si_unit(signal) or "1")[0])
+            signals[signal] = float(channel.converted(columns, channel.si(signal))[0])
         return signals
 
     def push(self, sample: Mapping[str, float | None]) -> list[dict[str, float]]:

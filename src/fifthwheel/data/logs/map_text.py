@@ -1,7 +1,9 @@
 """The text of a signals.toml: of a proposal, and with some entries changed, where comments and other entries stay."""
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import tomlkit
@@ -10,8 +12,11 @@ from tomlkit.items import AbstractTable
 from fifthwheel.base.errors import printable, printable_lines
 from fifthwheel.base.units import split_statement
 from fifthwheel.data.channels import SensorErrorName, split_header, split_reference
-from fifthwheel.data.logs.propose import LogSurvey, MapProposal
+from fifthwheel.data.logs.propose import MapProposal
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
+from fifthwheel.data.logs.survey import LogSurvey
+
+_UNCHANGED = "# A new proposal replaces this file as long as it is not edited: "
 
 
 def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
@@ -31,8 +36,10 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
             lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
             lines += [f"sensor = {_quoted(channel.sensor)}"] if channel.sensor else []
             lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
-            lines += [f"gain = {channel.gain_text}"] if channel.gain != 1.0 else []
-            lines += [f"delay = {channel.delay:g}"] if channel.delay else []
+            changed = [key for key, default in (("gain", 1.0), ("delay", 0.0)) if getattr(channel, key) != default]
+            for key, text in ((key, channel.text_of(key)) for key in changed):
+                lines.append(f"{key} = {_quoted(text) if '+-' in text else text}")
+            lines += ["derivative = true"] if channel.derivative else []
             lines += _comments(f"or column = {_quoted(other)}" for other in proposal.others.get(signal, ()))
     for signal, columns in proposal.others.items():
         if signal not in proposed.signals and signal not in proposed.reference:
@@ -41,7 +48,19 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
     findings = [line for finding in proposal.findings for line in str(finding).splitlines()]
     for paragraph in (proposal.missing, findings):
         lines += ["", *_comments(paragraph)] if paragraph else []
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines) + "\n"
+    return f"{text}\n{_UNCHANGED}{_digest(text)}\n"
+
+
+def is_unchanged(path: Path | None) -> bool:
+    """Whether a file is a proposal that nobody has edited."""
+    text = path.read_bytes().decode(errors="replace") if path and path.is_file() else ""
+    proposed, mark, digest = text.rpartition(f"\n{_UNCHANGED}")
+    return bool(mark) and digest == f"{_digest(proposed)}\n"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def _comments(texts: Iterable[str]) -> list[str]:

@@ -44,13 +44,21 @@ _TOWED = re.compile(
     "trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
 )
 _LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
-_NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
+_OF_WHEEL = re.compile(
+    "_[lr]_?[1-9][io]?_|wheel(?!_?base)|whl|_rad_|_roue|knuckle|_hub_|_(axle|achse|essieu)_?[1-9]?_|_([fr][lr]|[vh][lr])_"
+)
+"""Words of wheels, knuckles and axles, which move unlike the body."""
+_NUMBER = re.compile(
+    "(?P<before>(?!(?<=_)[lr]_?\\d)[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_"
+)
 _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")
 """Words before a number that does not count the units of a vehicle."""
+_MOST_TURNS = 200.0
+"""rad, of a course that counts its turns."""
 _LEAST_TOP_SPEED = 8.0
 """m/s; a truck on the road drives faster."""
 _STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw|lrw|hwa)_|lenkrad|hand|column|volant")
-_ROAD_WHEEL = re.compile("road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
+_ROAD_WHEEL = re.compile("_[lr]_?1_|knuckle|road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
 _DEVICE = re.compile("(?<=[a-z0-9])_(gps|gnss|obd|can)$")
 """Words at the end of a name for the device that has measured."""
 _SENSORS = {
@@ -77,6 +85,8 @@ class ColumnHint:
     """Whether it belongs to a towed unit; None where the name does not say."""
     steering_wheel: bool = False
     """Whether it is the steering-wheel angle and not the road-wheel angle."""
+    of_wheel: bool = False
+    """Whether it is of a wheel, a knuckle or an axle: the road-wheel angle, or the motion of another body."""
     unit: str | None = None
     """The unit at the end of the name: km/h of v_kmh."""
     side: str = ""
@@ -149,7 +159,8 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
             continue
         if not _fits(unit or ending, channel):
             continue
-        is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not _ROAD_WHEEL.search(words)
+        is_road_wheel = bool(_ROAD_WHEEL.search(words))
+        is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not is_road_wheel
         place, number = f"_{base}_{normalised_name(source)}_", _unit_number(words)
         is_towed = bool(_TOWED.search(place)) or number == 2
         return ColumnHint(
@@ -160,11 +171,22 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
             number=number,
             unit=ending,
             steering_wheel=channel is STEER and is_steering_wheel,
+            of_wheel=is_road_wheel if channel is STEER else bool(_OF_WHEEL.search(f"_{base}_")),
             side=".".join(side for side, tokens in _SIDES.items() if tokens & set(base.split("_"))),
             part=rule.part,
             is_relative=channel.percent == "reference" and ((unit or "").strip() == "%" or "percent" in words),
         )
     return None
+
+
+def is_course(column: str, unit: str | None, low: float, high: float) -> bool:
+    """Whether a column is a course or heading by its name, its unit and its range in it."""
+    if not re.search("_(heading|course|azimuth|kurs|kurswinkel|cap|cog)_", f"_{normalised_name(column)}_"):
+        return False
+    try:
+        return high - low > 0 and (high - low) * factor(unit or "deg", "rad") < _MOST_TURNS
+    except UnitError:
+        return False
 
 
 def is_rate_by_unit(column: str, unit: str | None) -> bool:

@@ -1,56 +1,63 @@
-"""Proposal of a signal map: survey of a log, columns by names and units, corrections by the kinematics of a turn."""
+"""Proposal of a signal map: columns by names and units, corrections by the kinematics of a turn."""
 
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from fifthwheel.base.errors import SignalError, printable
-from fifthwheel.base.types import Array
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import (
     AXLE_LOAD,
     ENGINE_SPEED,
     MOTION,
+    ROLL,
+    ROLL_RATE,
     SIDESLIP,
     SPEED,
     STEER,
     WHEEL_SPEED,
     YAW_RATE,
     SignalName,
+    channel_of,
     is_of,
     missing_for_mass,
     names_of,
     si_unit,
 )
 from fifthwheel.data.channels.table import UNDERSTEER
-from fifthwheel.data.checks.findings import Fault, Finding
-from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation, relations
+from fifthwheel.data.checks.findings import Fault, Finding, remedy_text, warning
+from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation, relations, signs_of
 from fifthwheel.data.checks.plausibility import MIN_SPEED, check
+from fifthwheel.data.checks.signs import Signs
 from fifthwheel.data.logs.assemble import assemble
+from fifthwheel.data.logs.likely_units import CLOSE, TYPICAL_STEERING_RATIO, ColumnReading, likely_units, readings
 from fifthwheel.data.logs.name_rules import (
     NO_UNIT,
     ColumnHint,
     classify_columns,
+    is_course,
     is_rate_by_unit,
     is_speed_by_unit,
 )
+from fifthwheel.data.logs.row_time import find_row_time
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, TimeColumn, relative_keys
-from fifthwheel.data.logs.source import Column, LogSource, ReadProgress, no_progress
+from fifthwheel.data.logs.source import LogSource
+from fifthwheel.data.logs.survey import ColumnContent, LogSurvey
 from fifthwheel.data.record.record import Record
-from fifthwheel.data.record.timestamps import Renewals, typical_step
 
 COARSE_RATE = 20.0
 """Hz; sufficient for signs, units and ratios."""
-_MAX_ROUNDS = 4
-"""A fault may hide another one: degrees a wrong sign."""
-_TYPICAL_STEERING_RATIO = 19.0
-"""Of heavy trucks; 15 to 25 are common."""
-_MAX_STEERING_GAIN = 60.0
-"""A larger gain from the road wheels is explained by degrees and a steering ratio together."""
+_LEAST_SAMPLES = 10
+"""Of a signal whose unit the samples show."""
 _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""
+_STEERING_RATIOS = (7.0, 60.0)
+"""Size of a steering-wheel angle over that expected of the road wheels; trucks have a ratio of 15 to 25."""
 _MAX_LAG = 1.5
 """s"""
 _SIDESLIP = 0.1
@@ -59,145 +66,117 @@ _ENGINE_SPEED = 400.0
 """rad/s; the engine of a truck is slower, and one that idles is faster in rpm."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColumnContent:
-    """Statistics of a column over the whole log."""
-
-    column: Column
-    samples: int
-    """Number of cells, empty ones included."""
-    missing: int
-    """Number of cells without a number."""
-    rate: float
-    """Sampling rate, Hz, from the typical step of its time base, or of the new values where it is held; NaN without
-    time."""
-    low: float
-    high: float
-    mean: float
-    sigma: float
-    """low, high, mean and sigma are of the present samples, in the column's unit; NaN if there are none."""
-    fault: str | None = None
-    """Why the column holds no numbers; None if it does."""
-
-    @property
-    def alive(self) -> bool:
-        """Whether it holds numbers that are not all zero; an absent sensor gives zeros."""
-        return self.fault is None and self.missing < self.samples and (self.high > self.low or bool(self.high))
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogSurvey:
-    """The columns of a log and its time span."""
-
-    name: str
-    contents: Mapping[str, ColumnContent]
-    """By name of the column."""
-    start: float
-    """First timestamp, s."""
-    stop: float
-    """Last timestamp, s."""
-    notes: tuple[str, ...]
-
-
-def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurvey:
-    """The survey of an open log, which is read completely."""
-    moments = {name: _Moments() for name in log.columns}
-    renewals = {name: Renewals() for name in log.columns}
-    steps: dict[str, list[float]] = {}
-    start, stop = np.inf, -np.inf
-    rows = log.row_time
-    for chunk in log.chunks(list(log.columns)):
-        instants = log.times(chunk, rows)
-        time = np.empty(0) if instants is None else instants[np.isfinite(instants)]
-        if time.size:
-            start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
-        if time.size > 1:
-            steps.setdefault(chunk.clock, []).append(typical_step(time))
-        for name, values in chunk.values.items():
-            moments[name].add(values)
-            if instants is not None:
-                renewals[name].push(instants, values)
-        progress(chunk.done)
-    contents = {}
-    for name, column in log.columns.items():
-        step = float(np.median(steps[column.clock])) if column.clock in steps else np.nan
-        held = renewals[name].finish()
-        rate = held.rate if held else 1 / step if step > 0 else np.nan
-        contents[name] = moments[name].content(column, rate, log.unusable.get(name))
-    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(map(printable, log.notes)))
-
-
-class _Moments:
-    """Moments of a column, chunk by chunk."""
-
-    def __init__(self) -> None:
-        self.samples = self.present = 0
-        self.low = self.high = np.nan
-        self.mean = self.squares = 0.0
-
-    def add(self, values: Array) -> None:
-        self.samples += values.size
-        present = values[np.isfinite(values)]
-        if not present.size:
-            return
-        self.low, self.high = float(np.fmin(self.low, present.min())), float(np.fmax(self.high, present.max()))
-        with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
-            mean, count = float(present.mean()), present.size
-            self.squares += float(((present - mean) ** 2).sum())
-            between = float(np.square(np.float64(mean - self.mean)))
-            self.squares += between * count * self.present / (count + self.present)
-            self.mean += (mean - self.mean) * count / (count + self.present)
-            self.present += count
-
-    def content(self, column: Column, rate: float, fault: str | None) -> ColumnContent:
-        present = self.present > 0
-        return ColumnContent(
-            column=column,
-            samples=self.samples,
-            missing=self.samples - self.present,
-            rate=rate,
-            low=self.low,
-            high=self.high,
-            mean=self.mean if present else np.nan,
-            sigma=float(np.sqrt(self.squares / self.present)) if present else np.nan,
-            fault=fault,
-        )
-
-
 def correct_map(
-    log: LogSource, proposed: SignalMap, wheelbase: float
-) -> tuple[SignalMap, dict[str, str], tuple[Finding, ...]]:
-    """The map with the signs, units and the steering ratio that the samples show, read at a low rate.
+    log: LogSource, proposed: SignalMap, wheelbase: float, hints: Mapping[str, ColumnHint] = MappingProxyType({})
+) -> tuple[SignalMap, dict[str, str], tuple[Finding, ...], tuple[Finding, ...]]:
+    """The map with the units, the steering ratio and the signs that the samples show, read at a low rate.
 
-    Also the corrections in words by signal, and the remaining findings. `wheelbase` is that of the leading unit, m.
+    Also the corrections in words by signal; questions: what else explains the samples nearly as well; and the remaining
+    findings. `wheelbase` is that of the leading unit, m; `hints` are those of the columns mapped by their names.
     """
     if not proposed.signals:
-        return proposed, {}, ()
+        return proposed, {}, (), ()
     try:
         record = assemble(log, at_coarse_rate(proposed), name=log.name)
     except SignalError as error:
         first_line = str(error).partition("\n")[0]
-        return proposed, {}, (Finding(signal="time", fault=Fault.DROPOUT, severity="error", message=first_line),)
-    signals = dict(proposed.signals)
-    corrections: dict[str, str] = {}
-    for _ in range(_MAX_ROUNDS):
-        findings = check(record, wheelbase=wheelbase)
-        corrected = set()
-        for finding in findings:
-            name, channel = finding.signal, signals.get(finding.signal)
-            if channel is None or name in corrected:
-                continue
-            if (correction := _corrected(finding, channel, record, wheelbase)) is None:
-                continue
-            log_unit = log.columns[log.find(channel.column or "")].unit
-            ratio = _scale(name, correction[0], log_unit) / _scale(name, channel, log_unit)
-            record = record.with_signals({name: ratio * record.signals[name]})
-            signals[name] = correction[0]
-            corrected.add(name)
-            corrections[name] = "; ".join(filter(None, [corrections.get(name), correction[1]]))
-        if not corrected:
-            break
-    return proposed.model_copy(update={"signals": signals}), corrections, findings
+        return proposed, {}, (), (Finding(signal="time", fault=Fault.DROPOUT, severity="error", message=first_line),)
+    signals, corrections, questions = _with_likely_units(log, proposed, record, wheelbase, hints)
+    units = {name: log.columns[log.find(channel.column or "")].unit for name, channel in signals.items()}
+
+    def in_map(signals: Mapping[str, SignalSource]) -> Record:
+        scales = [
+            {name: _scale(name, channel, units[name]) for name, channel in mapped.items()}
+            for mapped in (signals, proposed.signals)
+        ]
+        return record.with_signals({n: scales[0][n] / scales[1][n] * record.signals[n] for n in signals})
+
+    corrected = in_map(signals)
+    for finding in check(corrected, wheelbase=wheelbase):
+        name, unit = finding.signal, finding.remedy.get("unit")
+        if name not in signals:
+            continue
+        if finding.fault is Fault.SWAPPED_SIGN:
+            signals[name] = signals[name].model_copy(update={"sign": -signals[name].sign})
+            corrections.setdefault(name, []).append("sign inverted, it contradicted other signals")
+        elif finding.fault is Fault.UNIT and unit not in (None, "m/s", signals[name].unit or units[name]):
+            signals[name] = signals[name].model_copy(update={"unit": unit})
+            corrections.setdefault(name, []).append(f"unit {unit} by its magnitude")
+    for name, channel in signals.items():
+        jumps = [note.partition(": ")[2] for note in record.notes if note.startswith(f"{channel.column}: jumps")]
+        corrections[name] = [*jumps, *corrections.get(name, [])]
+    questions += tuple(_mirrored(signs_of([*relations(corrected, wheelbase=wheelbase, min_speed=MIN_SPEED)])))
+    result = proposed.model_copy(update={"signals": signals})
+    words = {name: "; ".join(texts) for name, texts in corrections.items() if texts}
+    return result, words, questions, without_set_units(check(in_map(signals), wheelbase=wheelbase), result, log)
+
+
+def _mirrored(signs: Signs) -> Iterator[Finding]:
+    """The question whether the other signals are inverted, where that is nearly as likely."""
+    if signs.inverted and signs.margin < CLOSE:
+        first, *others = signs.inverted
+        problem = (
+            f"{enumerated(['its sign', *others])} inverted: few signs are, by usual frames of devices "
+            f"(z up or z down); if {enumerated(signs.others)} are inverted instead, all signals agree too, mirrored; "
+            "look at a left turn: steer, yaw rate and lateral acceleration must be positive, and the roll, because a "
+            "body rolls outwards; otherwise exchange both groups: sign = -1 in signals.toml for the second one only"
+        )
+        yield warning(first, Fault.SWAPPED_SIGN, problem, others=tuple(others))
+
+
+def without_set_units(findings: Iterable[Finding], signal_map: SignalMap, log: LogSource) -> tuple[Finding, ...]:
+    """The findings without advice to set a unit that the map has already."""
+    kept = []
+    for finding in findings:
+        channel, unit = signal_map.signals.get(finding.signal), finding.remedy.get("unit")
+        if channel is not None and unit is not None:
+            mapped = channel.unit or log.columns[log.find(channel.columns[0])].unit
+            si = channel.si(finding.signal)
+            if mapped is not None and factor(mapped, si) == factor(str(unit), si):
+                problem = finding.message.removesuffix(f"; {remedy_text(finding.remedy)}")
+                message = f"{problem}; it is read in {mapped} already: map another column, or correct the gain"
+                finding = replace(finding, message=message, remedy={})
+        kept.append(finding)
+    return tuple(kept)
+
+
+def _with_likely_units(
+    log: LogSource, proposed: SignalMap, record: Record, wheelbase: float, hints: Mapping[str, ColumnHint]
+) -> tuple[dict[str, SignalSource], dict[str, list[str]], tuple[Finding, ...]]:
+    """The channels with the units that explain all signals, the corrections in words, and questions."""
+    signals, options, stated = dict(proposed.signals), dict[str, tuple[ColumnReading, ...]](), dict[str, bool]()
+    corrections: dict[str, list[str]] = {}
+    for name, channel in signals.items():
+        definition, column = channel_of(name), log.columns[log.find(channel.column or "")]
+        is_compared = definition is not None and (definition.turn or definition is SPEED or definition is STEER)
+        if not is_compared or channel.derivative or np.isfinite(record.signals[name]).sum() < _LEAST_SAMPLES:
+            continue
+        hint, unit = hints.get(channel.column or ""), channel.unit or column.unit
+        has_unit = unit is not None and unit.strip() not in NO_UNIT
+        stated[name] = has_unit or hint is None  # a column with the name of a signal is in SI
+        wheel = True if hint and hint.steering_wheel else False if hint and hint.of_wheel else None
+        options[name] = readings(name, unit if has_unit else None if hint else si_unit(name), wheel)
+    found = likely_units(record, options, stated, wheelbase)
+    for name, reading in found.readings.items():
+        first = options[name][0]
+        if reading.unit != first.unit or (not stated[name] and reading.unit != si_unit(name)):
+            signals[name] = signals[name].model_copy(update={"unit": reading.unit})
+            words = f"unit {reading.unit} by its magnitude"
+            if name in found.gains:
+                ratio = found.gains[name]
+                times = [
+                    f"{ratio * scale:.2g} times in {unit}"
+                    for unit, scale in ((reading.unit, 1.0), (first.unit, first.scale / reading.scale))
+                ]
+                words += f": {' and '.join(times)} what the other signals predict"
+            corrections[name] = [words]
+        if reading.wheel and _STEERING_RATIOS[0] < found.gains.get(name, 0.0) < _STEERING_RATIOS[1]:
+            scale = found.readings["speed"].scale / options["speed"][0].scale
+            used = _steering_ratio(found.gains[name], scale * float(np.nanmedian(record.signals["speed"])), wheelbase)
+            source = signals[name].model_copy(update={"sensor": "steering wheel"})
+            signals[name] = source.with_uncertain(gain=f"{1 / used.value:.4g} +- {100 * used.sigma:.0f} %")
+            corrections.setdefault(name, []).append(used.words)
+    return signals, corrections, found.findings
 
 
 def at_coarse_rate(proposed: SignalMap) -> SignalMap:
@@ -207,46 +186,31 @@ def at_coarse_rate(proposed: SignalMap) -> SignalMap:
 
 def _scale(signal: str, channel: SignalSource, log_unit: str | None) -> float:
     """SI value of the signal for a column value of one."""
-    si = si_unit(signal) or "1"
+    si = channel.si(signal)
     return channel.sign * channel.gain * factor(channel.unit or log_unit or si, si)
 
 
-def _corrected(
-    finding: Finding, channel: SignalSource, record: Record, wheelbase: float
-) -> tuple[SignalSource, str] | None:
-    """The channel without the fault and the correction in words; None where it takes the user to decide."""
-    match finding.fault:
-        case Fault.SWAPPED_SIGN:
-            return channel.model_copy(update={"sign": -channel.sign}), "sign inverted, it contradicted other signals"
-        case Fault.DEGREES | Fault.UNIT if finding.remedy.get("unit") not in (None, "m/s"):
-            unit = finding.remedy["unit"]
-            return channel.model_copy(update={"unit": unit}), f"unit {unit} by its magnitude"
-        case Fault.STEERING_WHEEL:
-            return _steering_wheel(finding.signal, channel, record, wheelbase)
-        case _:
-            return None
+class _Ratio(NamedTuple):
+    """A steering ratio."""
+
+    value: float
+    sigma: float
+    """As a fraction."""
+    words: str
 
 
-def _steering_wheel(
-    name: str, channel: SignalSource, record: Record, wheelbase: float
-) -> tuple[SignalSource, str] | None:
-    """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60."""
-    every = relations(record, wheelbase=wheelbase, min_speed=MIN_SPEED)
-    relation = next((relation for relation in every if relation.signal == name), None)
-    if relation is None:
-        return None
-    degrees = relation.gain > _MAX_STEERING_GAIN
-    ratio = relation.gain * (np.pi / 180 if degrees else 1.0)
-    u = float(np.nanmedian(record.signals["speed"]))
+def _steering_ratio(ratio: float, speed: float, wheelbase: float) -> _Ratio:
+    """The ratio of a steering-wheel angle that is `ratio` times the road-wheel angle expected at a speed, m/s."""
     # the understeer gradient is unknown: a uniform distribution of ratios is possible
-    low, high = (ratio * (wheelbase + UNDERSTEER * u**2) / (wheelbase + k * u**2) for k in (2 * UNDERSTEER, 0.0))
-    used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
-    unit = "deg" if degrees else channel.unit
-    source = channel.model_copy(update={"unit": unit, "sensor": "steering wheel"})
-    return source.with_uncertain_gain(1 / used, (high - low) / (np.sqrt(12) * used)), (
+    low, high = (
+        ratio * (wheelbase + UNDERSTEER * speed**2) / (wheelbase + k * speed**2) for k in (2 * UNDERSTEER, 0.0)
+    )
+    used = round(float(np.clip(TYPICAL_STEERING_RATIO, low, high)), 1)
+    words = (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
         f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
     )
+    return _Ratio(used, (high - low) / (np.sqrt(12) * used), words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,8 +224,10 @@ class MapProposal:
     """By signal: other candidate columns."""
     missing: tuple[str, ...]
     """Signals that an identification or an observer needs in addition, one sentence each."""
+    questions: tuple[Finding, ...]
+    """What was assumed, and what else explains the log nearly as well."""
     findings: tuple[Finding, ...]
-    """Findings on the signals of the map."""
+    """The questions, and findings on the signals of the map."""
 
 
 def propose_map(
@@ -299,10 +265,14 @@ def propose_map(
         reasons[f"yaw_rate.{units[-1]}"] += f"; {towed_reason}"
     if "speed" not in signals:
         _assign_speed(survey, signals, reasons, others, units[0])
-    rows = log.row_time
+    if not names_of(YAW_RATE, signals):
+        _assign_course(survey, signals, reasons, units[0])
+    rows = find_row_time(log)
     time = TimeColumn(column=None if rows in ("time", "t") else rows)
     proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
-    proposed, corrections, findings = correct_map(log, proposed, wheelbase)
+    by_column = {hint.column: hint for found in candidates.values() for hint in found}
+    proposed, corrections, questions, findings = correct_map(log, proposed, wheelbase, by_column)
+    questions += tuple(_of_wheel(proposed, by_column))
     steering_wheels = {hint.column for hints in candidates.values() for hint in hints if hint.steering_wheel}
     for signal, channel in proposed.signals.items():
         if channel.column in steering_wheels and channel.gain == 1.0:
@@ -317,7 +287,8 @@ def propose_map(
             *[text for signal, text in relative.items() if signal not in proposed.signals],
             *_rates_of_unknown_axes(proposed, survey),
         ),
-        findings=findings,
+        questions=questions,
+        findings=(*questions, *findings),
     )
 
 
@@ -389,6 +360,19 @@ def _assign_speed(
         reasons["speed"] = f"{wheels[0]} is the only speed"
 
 
+def _assign_course(survey: LogSurvey, signals: dict[str, SignalSource], reasons: dict[str, str], leading: str) -> None:
+    """Where no column is a yaw rate: the derivative of a course or heading."""
+    for name, content in survey.contents.items():
+        if content.alive and is_course(name, content.column.unit, content.low, content.high):
+            signal, unit = f"yaw_rate.{leading}", None if content.column.unit else "deg"
+            signals[signal] = SignalSource(column=name, unit=unit, derivative=True, sign=-1)
+            reasons[signal] = (
+                "no yaw rate; the derivative of a course, which is clockwise: it contains the noise and the delay of "
+                "the receiver, and the change of the sideslip angle"
+            )
+            return
+
+
 def _assign_towed_gyro(
     log: LogSource, survey: LogSurvey, candidates: dict[str, list[ColumnHint]], units: Sequence[str]
 ) -> str | None:
@@ -429,11 +413,24 @@ def _lag(record: Record, name: str) -> float:
     return shifts[best] / COARSE_RATE if correlations[best] > 0.8 else 0.0
 
 
-def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, float, float]:
-    """Sort key of candidates: complete ones first, then road wheels, named units, high rates and large variation."""
+def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, bool, float, float]:
+    """Sort key: complete columns first, then of the body, road wheels, named units, high rates and large variation."""
     present = 1 - content.missing / max(content.samples, 1)
     rate = content.rate if np.isfinite(content.rate) else 0.0
-    return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
+    of_body = hint.channel is STEER or not hint.of_wheel
+    return present > 0.5, of_body, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
+
+
+def _of_wheel(proposed: SignalMap, hints: Mapping[str, ColumnHint]) -> Iterator[Finding]:
+    """A caution on each motion of the body that only a column of a wheel may have."""
+    for signal, channel in proposed.signals.items():
+        hint = hints.get(channel.column or "")
+        if hint and hint.of_wheel and is_of(signal, *MOTION, ROLL_RATE, ROLL):
+            problem = (
+                f"{hint.column} is of a wheel or an axle by its name, which moves unlike the body: a steered wheel "
+                "turns with its steer angle too; map a column of the body in signals.toml, or delete it"
+            )
+            yield warning(signal, Fault.WRONG_COLUMN, problem)
 
 
 def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:

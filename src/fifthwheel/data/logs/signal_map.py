@@ -89,7 +89,7 @@ class TimeColumn(BaseModel):
 
 
 class SignalSource(BaseModel):
-    """Source of a signal: sign * gain * column in SI - offset, at timestamp - delay."""
+    """Source of a signal: sign * gain * column in SI - offset, at timestamp - delay; of a rate also the derivative."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -105,8 +105,12 @@ class SignalSource(BaseModel):
     """Factor, such as 1 / steering ratio; "0.05 +- 2 %" with its uncertainty."""
     offset: float | str = 0.0
     """Subtracted last; a number in SI, or a text with a unit: "0.1 deg", also with its uncertainty."""
+    derivative: bool = False
+    """The rate is the derivative of the column, an angle: a course or heading, which is clockwise, needs sign = -1."""
     points: Points | None = None
     """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
+    missing: tuple[float, ...] | None = None
+    """Numbers of the column that stand for a missing sample: [999]. Default: those that the samples show."""
     delay: Annotated[Seconds, AfterValidator(_plausible_delay)] = 0.0
     """Time by which the timestamps are late, at most 60 s; s, or a text: "200 ms", also with its uncertainty."""
     time: str | None = None
@@ -142,17 +146,14 @@ class SignalSource(BaseModel):
             raise ValueError("either column = ... or sum = [...] expected; give one of them")
         return self
 
-    def with_uncertain_gain(self, gain: float, sigma: float) -> Self:
-        """The same source with a gain, and its standard deviation as a fraction of it."""
-        text = f"{gain:.4g} +- {100 * sigma:.0f} %"
-        source = self.model_copy(update={"gain": float(f"{gain:.4g}")})
-        source._uncertain = self._uncertain | {"gain": text}
-        return source
+    def with_uncertain(self, **texts: str) -> Self:
+        """The same source with other texts, which state an uncertainty, of gain, offset or delay."""
+        return type(self).model_validate(self.model_dump(exclude_unset=True) | self._uncertain | texts)
 
-    @property
-    def gain_text(self) -> str:
-        """The gain as in a signals.toml."""
-        return f'"{self._uncertain["gain"]}"' if "gain" in self._uncertain else f"{self.gain:g}"
+    def text_of(self, key: str) -> str:
+        """Gain, offset or delay as in a signals.toml, without quotes."""
+        value = getattr(self, key)
+        return self._uncertain.get(key) or (value if isinstance(value, str) else f"{value:g}")
 
     def calibrated(self, values: Array, log_unit: str | None, si: str) -> Array:
         """Values (n,) of a column in the SI unit `si`; `log_unit` is the unit in the log."""
@@ -167,6 +168,10 @@ class SignalSource(BaseModel):
         """The signal (n,) in the SI unit `si`, without the delay, from the values and log units of its columns."""
         total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
         return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
+
+    def si(self, signal: str) -> str:
+        """SI unit of the column of a signal."""
+        return "rad" if self.derivative else si_unit(signal) or "1"
 
     def stated(self, signal: str) -> SensorPrior:
         """What the keys state of the sensor of a signal.
@@ -252,9 +257,11 @@ class SignalMap(BaseModel):
                 )
         for name, channel in (*self.signals.items(), *self.reference.items()):
             si = si_unit(name) or "1"
+            if channel.derivative and si != "rad/s":
+                raise ValueError(f"{name}: derivative is of a rate, such as yaw_rate.tractor; remove it")
             try:
                 quantity(channel.offset, si)
-                factor(channel.unit or si, si)
+                factor(channel.unit or channel.si(name), channel.si(name))
                 stated = channel.stated(name)
             except SignalError as error:
                 raise SignalError(f"{name}: {error}{relative_cure(name, channel.unit)}") from error

@@ -1,6 +1,5 @@
 """A log file of any format: named columns of samples, described when it is opened and read in chunks."""
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,16 +9,9 @@ from typing import Self
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.names import split_source
 from fifthwheel.base.types import Array
-from fifthwheel.base.units import factor
 from fifthwheel.data.channels import split_header
 from fifthwheel.data.record.timestamps import TimestampFilter
 
-TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "tid", "aika", "czas")
-"""Columns that are the time of a table unless the map names another, in upper or lower case."""
-_TIME_WORD = re.compile(rf"time|zeit|stamp|datum|date|\b({'|'.join(TIME_COLUMNS[5:])})\b")
-_WITH_UNIT = re.compile(rf"({'|'.join(TIME_COLUMNS)})[ _.]*[(\[]?(s|sec|seconds|sekunden)[)\]]?")
-"""A name of the time that ends with its unit, such as "t_s"; seconds only, because a map has no unit of the time."""
-_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 PARTS = 8
 """Of a large file that are read as its sample."""
 _LARGE = 100e6
@@ -102,17 +94,6 @@ def find_column(text: str, columns: Collection[str], log: str) -> str:
     raise SignalError(f"{log}: no column {name!r}; {suggestion(name, list(columns))}")
 
 
-def time_column(columns: Mapping[str, Column]) -> str | None:
-    """The column with the time of a table's rows by its name and unit, if there is one."""
-    rows = [column for column in columns.values() if not column.clock]
-    by_name = {column.name.lower(): column.name for column in reversed(rows)}
-    in_seconds = [column.name for column in rows if _WITH_UNIT.fullmatch(column.name.lower())]
-    timed = in_seconds or [
-        column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())
-    ]
-    return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
-
-
 def unused_name(name: str, used: Collection[str]) -> str:
     """The name with as many apostrophes as make it unique."""
     while name in used:
@@ -133,7 +114,7 @@ class LogSource(ABC):
         self.unusable: dict[str, str] = {}
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
         self.time: str | None = None
-        """The column with the time of a table's rows, where it does not have the name of a time; see `row_time`."""
+        """The column with the time of a table's rows, as far as it was found; see `row_time`."""
         self.start: float | None = None
         """Date and time of instant 0, s since 1970, where the file has one and its timestamps count from there."""
         self.sampled = False
@@ -142,11 +123,6 @@ class LogSource(ABC):
         """Bytes of a file that can be sampled; 0 where the reader cannot skip a part."""
         self.opening_notes: list[str] = []
         """Notes that do not depend on the columns that are read."""
-
-    @property
-    def row_time(self) -> str | None:
-        """The column with the time of a table's rows, if there is one."""
-        return self.time or time_column(self.columns)
 
     @abstractmethod
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
@@ -183,13 +159,6 @@ class LogSource(ABC):
             if name in requested:
                 clocks.setdefault(column.clock, []).append(name)
         return clocks
-
-    def times(self, chunk: Chunk, rows: str | None, unit: str | None = None) -> Array | None:
-        """Timestamps (n,) of a chunk, s: its own, else the column `rows` of a table, in `unit` or that of its
-        header; None without either."""
-        if chunk.time is not None or rows is None:
-            return chunk.time
-        return chunk.values[rows] * factor(unit or self.columns[rows].unit or "s", "s")
 
     def note(self, *notes: str) -> None:
         """Add notes that are not there yet; a log that is read twice repeats them."""

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.plots import downsample
+from fifthwheel.base.plots.items import visible_range
 from fifthwheel.base.types import Array
-from fifthwheel.base.units import factor
+from fifthwheel.data.logs.row_time import RowTime, find_row_time
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 BLOCK = 256
@@ -32,6 +33,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
     numbers = {name: k for k, name in enumerate(log.columns)}
     clocks = {clock: k for k, clock in enumerate(dict.fromkeys(column.clock for column in log.columns.values()))}
     rows = dict.fromkeys(clocks, 0)
+    find_row_time(log)
     timed = set()
     for chunk in log.chunks(list(log.columns)):
         for name, values in chunk.values.items():
@@ -41,14 +43,14 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
             _append(folder / f"time{clocks[chunk.clock]}", chunk.time)
         rows[chunk.clock] += len(next(iter(chunk.values.values())))
         progress(0.9 * chunk.done)
-    time_of_rows = log.row_time
+    time_of_rows = log.time
     for clock, k in clocks.items():
         column = time_of_rows if not clock else None
         if clock in timed:
             _write_axis(folder, k, _mapped(folder / f"time{k}"))
         elif column is not None and rows[clock]:
-            seconds = factor(log.columns[column].unit or "s", "s")
-            _write_axis(folder, k, _mapped(folder / f"column{numbers[column]}") * seconds)
+            seconds = RowTime(log, column).seconds(_mapped(folder / f"column{numbers[column]}"))
+            _write_axis(folder, k, seconds)
     for name, k in numbers.items():
         if rows[log.columns[name].clock]:
             _write_extremes(folder / f"extremes{k}", _mapped(folder / f"column{k}"))
@@ -131,6 +133,21 @@ class StoredLog(LogSource):
         low, high = self._extremes(name)[:, blocks]
         time = np.repeat(axis[np.minimum(blocks * BLOCK, axis.size - 1)], 2)
         return downsample.course(time, np.column_stack([low, high]).ravel(), points, gaps=False)
+
+    def range_without_spikes(self, name: str, start: float, stop: float) -> tuple[float, float] | None:
+        """The range of an axis for a window that leaves out what lasts one or two values; None if that changes little.
+
+        A value that is repeated counts once, because slow channels repeat theirs.
+        """
+        axis = self.axis(self.columns[name].clock)
+        values = self._values(name)[slice(*np.searchsorted(axis, [start, stop]))]
+        values = values[np.isfinite(values)]
+        values = values[np.diff(values, prepend=np.nan) != 0]
+        if values.size < 5:
+            return None
+        a, b, c = values[:-4], values[2:-2], values[4:]
+        median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+        return visible_range(median) if np.ptp(values) > 2 * np.ptp(median) > 0 else None
 
     def most_active(self, name: str, length: float) -> tuple[float, float]:
         """The window of a length, s, in which the extremes of a column are farthest apart on average."""

@@ -1,7 +1,8 @@
 """Timestamps: their typical step, their order, removal of corrupted ones; samples that are held between messages."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,10 @@ from fifthwheel.base.types import Array
 
 MAX_BACKWARD_STEP = 1.0
 """s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""
+MIN_EPOCH = 1e8
+"""s; a time that begins later counts from 1970."""
+_MOST_REPEATED = 0.1
+"""Fraction of the rows that may repeat the timestamp of the row before with other values."""
 ENDS = 1.0
 """s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
 _MAX_RESTARTS = 16
@@ -27,8 +32,20 @@ _REGULAR = 0.7
 quarter has a length of 1 where jitter moves a message across the instant of a row."""
 _LONGEST = 0.5
 """s. A longer staircase may be the signal itself."""
+SLOWEST_SPEED = 1.25
+"""s. The same for the speed, which a receiver of satellites gives once a second."""
+_MIN_RENEWALS, _MIN_LEVELS = 6, 5
+"""Runs, and values among them, of a speed that moves too little: it is held if all runs are multiples of the same
+number of rows."""
 _CERTAIN_RUNS = 200
 """Runs of a piece that are enough to see that a column is not held."""
+
+
+def instant(time: float) -> str:
+    """A timestamp in words: the date where s count from 1970."""
+    if time < MIN_EPOCH:
+        return f"{time:.6g} s"
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
 
 def is_hour(step: float) -> bool:
@@ -57,7 +74,7 @@ def require_increasing(time: Array, name: str = "time", rows_before: int = 0) ->
     steps = np.diff(time)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax()) + 1
-        at = f"{time[row]:.6g} s at row {row + rows_before + 1}"
+        at = f"{instant(time[row])} at row {row + rows_before + 1}"
         if steps[row - 1] == 0:
             raise SignalError(f"{name}: {at} occurs twice; keep one of the rows, or log the time with more digits")
         cure = "sort the rows, or split the log there if it holds two runs or the clock was set"
@@ -66,7 +83,7 @@ def require_increasing(time: Array, name: str = "time", rows_before: int = 0) ->
                 "the clock went back by one hour, as at the end of daylight saving time; export the time in UTC or "
                 "with its zone, or split the log there"
             )
-        raise SignalError(f"{name}: goes back from {time[row - 1]:.6g} to {at}, increasing time expected; {cure}")
+        raise SignalError(f"{name}: goes back from {instant(time[row - 1])} to {at}, increasing time expected; {cure}")
     return time
 
 
@@ -75,6 +92,60 @@ def implausible_timestamps(time: Array) -> NDArray[np.bool_]:
     mask = np.zeros(time.size, dtype=bool)
     mask[1:-1] = (time[1:-1] - time[2:] > MAX_BACKWARD_STEP) & (time[2:] > time[:-2])
     return mask
+
+
+class RepeatedTimestamps:
+    """Joins the rows of a table with one timestamp, which arrive in pieces: of each column the first value counts."""
+
+    def __init__(self) -> None:
+        self._held: tuple[Array, Mapping[str, Array]] = (np.empty(0), {})
+        self._rows = self._joined = self._contrary = 0
+        self._first = np.nan
+
+    def push(self, time: Array, values: Mapping[str, Array]) -> tuple[Array, Mapping[str, Array]]:
+        """The next rows, time (n,) and values (n,) by column, without those of the last timestamp, which is held."""
+        held_time, held = self._held
+        if held_time.size:
+            time, values = np.concatenate([held_time, time]), {n: np.append(held[n], v) for n, v in values.items()}
+        earlier = np.flatnonzero(time != time[-1:])
+        last = int(earlier[-1]) + 1 if earlier.size else 0
+        self._held = time[last:], {name: column[last:] for name, column in values.items()}
+        return self._joined_rows(time[:last], {name: column[:last] for name, column in values.items()})
+
+    def last(self, label: str) -> tuple[Array, Mapping[str, Array]]:
+        """The rows that are held; a SignalError if too many rows have the timestamp of the row before them."""
+        rows = self._joined_rows(*self._held)
+        if self._contrary > _MOST_REPEATED * self._rows:
+            raise SignalError(
+                f"{label}: {self._contrary} of {self._rows} rows repeat the time of the row before with other values; "
+                "log the time with more digits"
+            )
+        return rows
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence if rows were joined."""
+        if not self._joined:
+            return []
+        rows = "1 row repeats" if self._joined == 1 else f"{self._joined} rows repeat"
+        return [f"time: {rows} the timestamp of the row before, first at {instant(self._first)}; one sample is used"]
+
+    def _joined_rows(self, time: Array, values: Mapping[str, Array]) -> tuple[Array, Mapping[str, Array]]:
+        self._rows += time.size
+        same = np.diff(time, prepend=np.nan) == 0
+        if not same.any():
+            return time, values
+        self._first = self._first if self._joined else float(time[same.argmax()])
+        self._joined += int(same.sum())
+        groups, new = np.cumsum(~same) - 1, np.flatnonzero(~same)
+        contrary, joined = np.zeros(time.size, dtype=bool), {}
+        for name, column in values.items():
+            filled = np.flatnonzero(np.isfinite(column))[::-1]
+            joined[name] = np.full(new.size, np.nan)
+            joined[name][groups[filled]] = column[filled]  # the first row is written last
+            contrary[filled] |= column[filled] != joined[name][groups[filled]]
+        self._contrary += int(contrary.sum())
+        return time[new], joined
 
 
 class TimestampFilter:
@@ -195,7 +266,8 @@ def held_samples(time: Array, values: Array) -> HeldSamples | None:
 class Renewals:
     """Finds `held_samples` of a channel that arrives in pieces; keeps no repetition in memory."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, of_speed: bool = False) -> None:
+        self._of_speed = of_speed
         self._is_possible = True
         self._rows = self._present = 0
         self._last = (-1, np.nan, np.nan)
@@ -231,7 +303,10 @@ class Renewals:
         lengths = np.diff(begins, append=self._present)
         moving = _lengths_in_motion(lengths[:-1], values)
         if moving.size < _MIN_RUNS:
-            return None
+            rows = lengths[1:-1].astype(int)
+            if not self._of_speed or rows.size < _MIN_RENEWALS or np.unique(values).size < _MIN_LEVELS:
+                return None
+            moving = np.full(rows.size, float(np.gcd.reduce(rows)))
         typical = np.median(moving)
         single = moving[moving <= 1.5 * typical]
         if typical < 2 or (single > typical / 2).sum() < _REGULAR * moving.size:
@@ -242,7 +317,7 @@ class Renewals:
         row = np.rint(number * np.repeat(lengths / counts, counts))
         step = (end - start) / np.maximum(lengths - 1, 1)
         rate = 1 / (repetitions * float(np.median(step[lengths > 1])))
-        if rate * _LONGEST < 1:
+        if rate * (SLOWEST_SPEED if self._of_speed else _LONGEST) < 1:
             return None
         time = np.repeat(start, counts) + row * np.repeat(step, counts)
         return HeldSamples(time=time, values=np.repeat(values, counts), rate=rate, repetitions=repetitions)

@@ -55,6 +55,7 @@ def signals(draw):
     )
 
 
+@pytest.mark.slow
 @given(signal=signals(), data=st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=5))
 @settings(max_examples=300, deadline=None, derandomize=True)
 def test_every_signal_is_as_cantools_decodes_it(signal, data):

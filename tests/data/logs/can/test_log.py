@@ -184,6 +184,7 @@ def test_progress_may_stop_the_reading(tmp_path):
         readers.open_log(write(tmp_path / "a.blf", [message(0.0, VDC2_0B, vdc2(0.0))]), progress=stop)
 
 
+@pytest.mark.slow
 def test_a_real_truck_that_stands(data):
     log = readers.open_log(data / "j1939" / "navistar_a26_vdc2_only.candump.log")
     assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"
@@ -195,6 +196,7 @@ def test_a_real_truck_that_stands(data):
     assert log.notes == []
 
 
+@pytest.mark.slow
 def test_a_real_truck_that_drives(data):
     log = readers.open_log(data / "j1939" / "csu_normal_drive.log")
     found = read(log, "CCVS.wheel_based_vehicle_speed@00", "EBC2.front_axle_speed@0B")

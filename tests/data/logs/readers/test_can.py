@@ -172,6 +172,7 @@ def test_a_damaged_line_costs_only_itself(tmp_path, kind):
     assert frames.notes == ["1 damaged line left out"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["asc", "log", "trc"])
 def test_a_text_that_is_cut_gives_the_frames_before(tmp_path, kind):
     messages = some(60)
@@ -216,6 +217,7 @@ def test_an_object_without_size_is_not_read_for_ever(tmp_path, monkeypatch):
     assert read(path).notes[-1].endswith("one object is repeated")
 
 
+@pytest.mark.slow
 def test_batches_are_bounded_and_progress_grows(tmp_path):
     path = tmp_path / "a.log"
     path.write_text("".join(f"({k / 1000:.6f}) can0 18F0090B#4F7D60877D4F7C7D\n" for k in range(120_000)))

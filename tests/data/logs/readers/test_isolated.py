@@ -102,6 +102,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_an_error_names_the_file_and_the_cure(log, fault):
     with pytest.raises(SignalError, match=FAULTS[fault]):
@@ -132,6 +133,7 @@ def test_a_lower_limit_of_the_system_stays(tmp_path):
     assert (done.stdout, done.stderr) == ("x y\n", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("commands", [("hang",), ("", "block")])
 def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
     rows(log())  # the process has started, which is slow on a busy machine
@@ -142,6 +144,7 @@ def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
         rows(log(*commands))
 
 
+@pytest.mark.slow
 def test_a_reader_that_makes_progress_without_end_is_stopped(log, monkeypatch):
     rows(log())
     monkeypatch.setattr(child, "_TOTAL", 2)
@@ -150,6 +153,7 @@ def test_a_reader_that_makes_progress_without_end_is_stopped(log, monkeypatch):
         log("crawl")
 
 
+@pytest.mark.slow
 def test_the_program_may_take_its_time(log, monkeypatch):
     rows(log())
     monkeypatch.setattr(child, "_TOTAL", 1)
@@ -266,6 +270,7 @@ def test_several_threads_read_at_a_time(tmp_path):
     assert found == dict.fromkeys(range(4), 10_030)
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize(
     ("fault", "end"), [("hang", signal.SIGKILL), ("block", signal.SIGKILL), ("hang", signal.SIGINT)]
@@ -307,6 +312,7 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch):
     isolated._end_idle_children()
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
 def test_no_file_costs_the_import_of_pandas(tmp_path, monkeypatch, name):

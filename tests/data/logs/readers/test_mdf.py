@@ -198,6 +198,7 @@ def test_no_sample_at_all(tmp_path: Path) -> None:
         open_log(save(tmp_path / "a.mf4", ([Signal(T[:0], T[:0], name="a")], "g")))
 
 
+@pytest.mark.slow
 def test_a_damaged_block_costs_the_samples_from_there_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(0).normal(size=300_000)
     signals = [Signal(random, np.arange(300_000) / 100, name="a")]

@@ -45,7 +45,7 @@ def test_a_preamble_a_row_of_units_and_decimal_commas(tmp_path, encoding):
     assert found["Time"] == pytest.approx([0, 0.01, 0.02])
     assert found["vx"] == pytest.approx([50.1, 50.2, 50.3])
     assert found["Lenkwinkel"] == pytest.approx([1.2, 1.3, np.nan], nan_ok=True)
-    assert log.notes == ["3 lines above the table left out"]
+    assert log.notes == ["3 comment lines above the header"]
 
 
 def test_names_units_and_comments_above_the_rows(tmp_path):

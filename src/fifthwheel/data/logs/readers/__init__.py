@@ -9,10 +9,10 @@ from typing import Literal
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.input_files import require_regular
+from fifthwheel.data.logs.readers.can_text import text_trace
 from fifthwheel.data.logs.readers.isolated import open_isolated
 from fifthwheel.data.logs.source import LogSource, ReadProgress, no_progress
 
-TraceKind = Literal["blf", "asc", "trc", "candump"]
 _HEAD_SIZE = 4096
 _MATLAB = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", b"\x89HDF\r\n\x1a\n")
 _ASC_HEADER = (b"date ", b"base hex", b"base dec")
@@ -20,6 +20,12 @@ _ASC_FRAME = re.compile(rb"^[ \t]*\d+\.\d+[ \t]+(\d+[ \t]+[0-9A-Fa-f]+x?|CANFD[ 
 _CANDUMP = re.compile(
     rb"^[ \t]*\(\d{1,12}\.\d{1,9}\)[ \t]+\S+[ \t]+[^\n#]*?[0-9A-Fa-f]{3,8}(?:#|[ \t]+\[\d)", re.MULTILINE
 )
+_WORKBOOK = re.compile(
+    rb"PK\x03\x04.{26}(\[Content_Types\]|_rels/|docProps/|xl/|mimetype.{0,64}application/vnd\.oasis\.opendocument\.spreads)|"
+    rb"\xd0\xcf\x11\xe0",
+    re.DOTALL,
+)
+"""A zip archive whose first file is one of .xlsx or .ods; what .xls and other old files of Office are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +38,13 @@ class Format:
     """Module of this package; its open_log(path, databases, progress) gives the LogSource."""
     begins: Callable[[bytes], bool]
     """Whether a file that begins with these bytes has this format."""
+    has_frames: bool = False
+    """Whether it may hold CAN frames, which a database decodes."""
 
 
-def trace_kind(head: bytes) -> TraceKind | None:
-    """The format of a CAN trace that begins with these bytes; None for any other file."""
+def trace_kind(head: bytes) -> str | None:
+    """The format of a CAN trace that begins with these bytes: "blf", "asc", "trc", "candump", or the program that wrote
+    the text (`can_text`); None for any other file."""
     start = head.lstrip()
     if head.startswith(b"LOGG"):
         return "blf"
@@ -43,7 +52,7 @@ def trace_kind(head: bytes) -> TraceKind | None:
         return "asc"
     if start.startswith((b";$FILEVERSION", b";##")):
         return "trc"
-    return "candump" if _CANDUMP.search(head) else None
+    return "candump" if _CANDUMP.search(head) else text_trace(head.decode("latin-1"))
 
 
 def has_asc_header(head: bytes) -> bool:
@@ -66,28 +75,43 @@ def matlab_4_order(head: bytes) -> Literal["<", ">"] | None:
 
 FORMATS = (
     Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1")),
-    Format(name="ASAM MDF", module="mdf", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
+    Format(name="ASAM MDF", module="mdf", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF "), has_frames=True),
     Format(name="MATLAB", module="mat", begins=lambda head: head.startswith(_MATLAB) or bool(matlab_4_order(head))),
     Format(name="MCAP", module="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
-    Format(name="CAN trace", module="can", begins=lambda head: trace_kind(head) is not None),
+    Format(name="LabVIEW TDMS", module="tdms", begins=lambda head: head.startswith(b"TDSm")),
+    Format(name="PX4 ULog", module="ulog", begins=lambda head: head.startswith(b"ULog\x01\x12\x35")),
+    Format(name="Excel or OpenDocument", module="workbook", begins=lambda head: bool(_WORKBOOK.match(head))),
+    Format(name="CAN trace", module="can", begins=lambda head: trace_kind(head) is not None, has_frames=True),
     Format(name="CSV", module="text", begins=lambda head: True),
 )
 """In the order in which they are tried; what nothing else recognises is text."""
-
-
+_FROM_CARSIM = "results of CarSim or TruckSim; write the outputs as CSV or MATLAB (.mat)"
+_FROM_DIADEM = "saved by DIAdem; save it as TDMS or CSV"
+_UNPACK = "unpack it first, and if that is an rlog of openpilot, write its messages as CSV or Parquet"
 PACKED = {
-    b"PK\x03\x04": "a zip archive or an Excel workbook; unpack it, or save the sheet as CSV",
-    b"\x1f\x8b": "compressed by gzip; unpack it first",
-    b"7z\xbc\xaf": "compressed by 7-Zip; unpack it first",
-    b"\xd0\xcf\x11\xe0": "an old Excel workbook; save the sheet as CSV",
-    b"(\xb5/\xfd": "compressed by zstd; unpack it first",
-    b"version https://git-lfs.github.com/spec/": "a Git LFS pointer, not the file; run `git lfs pull`",
-    b"SQLite format 3\0": "an SQLite database, as ROS 2 writes bags (.db3); convert the bag to MCAP, for example with "
+    rb"PK\x03\x04": "a zip archive; unpack it",
+    rb"\x1f\x8b": "compressed by gzip; unpack it first",
+    rb"7z\xbc\xaf": "compressed by 7-Zip; unpack it first",
+    rb"BZh[1-9]1AY&SY": f"compressed by bzip2; {_UNPACK}",
+    rb"\xfd7zXZ\0": "compressed by xz; unpack it first",
+    rb"\(\xb5/\xfd": f"compressed by zstd; {_UNPACK}",
+    rb"version https://git-lfs\.github\.com/spec/": "a Git LFS pointer, not the file; run `git lfs pull`",
+    rb"SQLite format 3\0": "an SQLite database, as ROS 2 writes bags (.db3); convert the bag to MCAP, for example with "
     "`mcap convert run.db3 run.mcap`",
-    b"#ROSBAG V": "a bag of ROS 1; convert it to MCAP with messages of ROS 2, for example with "
+    rb"#ROSBAG V": "a bag of ROS 1; convert it to MCAP with messages of ROS 2, for example with "
     "`rosbags-convert --src run.bag --dst run --dst-storage mcap`",
+    rb"TDSh": "the index of a TDMS file; give the .tdms file",
+    rb"ERDFILEV": _FROM_CARSIM,
+    rb'\s*\{\s*"VsChannelGroup"': _FROM_CARSIM,
+    rb"@\0{7}": "a log of MoTeC (.ld); export CSV or MATLAB (.mat) from i2",
+    rb"DIAEXTENDED": _FROM_DIADEM,
+    rb"(\xef\xbb\xbf)?<\?xml[^>]*>\s*<usi:tdm": _FROM_DIADEM,
+    rb"\x00{4}.{4}\x00{4}[\x02\x03]\x00\x01\x00": "an rlog of openpilot; write its messages as CSV or Parquet",
+    rb"\xa1\xb2(\xc3\xd4|<M)|(\xd4\xc3|M<)\xb2\xa1|\n\r\r\n.{4}(\x1a\+<M|M<\+\x1a)": "a pcap capture of a "
+    "network; record CAN frames with `candump -l`, or as BLF or ASC",
+    rb'\s*\[?\s*\{\s*"': "JSON; export it as CSV or Parquet, for example by pandas.read_json and DataFrame.to_parquet",
 }
-"""Beginnings of files that contain a log, or stand for one, but are none, and what to do."""
+"""Beginnings of files that are no log that is read, as patterns, and what to do."""
 
 
 def open_log(
@@ -115,8 +139,12 @@ def open_log(
         raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not head:
         raise SignalError(f"{path.name}: empty, 0 bytes; the log was never written")
-    for magic, what in PACKED.items():
-        if head.startswith(magic):
-            raise SignalError(f"{path.name}: {what}")
     kind = next(candidate for candidate in FORMATS if candidate.begins(head))
-    return open_isolated(path, f"{__name__}.{kind.module}", kind.name, databases, progress, sample=sample)
+    for pattern, what in PACKED.items():
+        if kind.module in ("can", "text") and re.match(pattern, head, re.DOTALL):  # what they begin with is not unique
+            raise SignalError(f"{path.name}: {what}")
+    notes: tuple[str, ...] = ()
+    if databases and not kind.has_frames:
+        named = ", ".join(Path(database).name for database in databases)
+        notes, databases = (f"{named} not used: {path.name} is read as {kind.name} and has no CAN frames",), ()
+    return open_isolated(path, f"{__name__}.{kind.module}", kind.name, databases, progress, notes, sample=sample)

@@ -1,4 +1,4 @@
-"""CAN traces by python-can: Vector BLF and ASC, PCAN trace, candump."""
+"""CAN traces by python-can: Vector BLF and ASC, PCAN trace, candump, and texts that become lines of candump."""
 
 import re
 from collections import Counter
@@ -12,7 +12,8 @@ import can
 import numpy as np
 
 from fifthwheel.data.logs.can.log import CanLog, Frames, open_can_log
-from fifthwheel.data.logs.readers import TraceKind, has_asc_header, trace_kind
+from fifthwheel.data.logs.readers import has_asc_header, trace_kind
+from fifthwheel.data.logs.readers.can_text import TEXT_TRACES
 from fifthwheel.data.logs.source import ReadProgress, damage, no_progress
 
 _BATCH = 50_000
@@ -23,7 +24,7 @@ _CHECKED = 1000
 _MOST_DAMAGED = 1000
 """Damaged lines more than frames after which reading stops."""
 _MOST_HEADER_LINES = 100
-_READERS = {"asc": can.ASCReader, "trc": can.TRCReader, "candump": can.CanutilsLogReader}
+_READERS = {"asc": can.ASCReader, "trc": can.TRCReader}
 _FIRST_BUS = {"blf": 1, "asc": 1}
 """python-can counts these from 0, the log from 1."""
 _ASC_DEFAULT = ("base hex  timestamps absolute\n", "internal events logged\n")
@@ -60,17 +61,18 @@ def read_frames(path: Path, notes: list[str]) -> Iterator[tuple[Frames, float]]:
 
 
 def _messages(
-    file: BinaryIO, kind: TraceKind, header: Sequence[str], tally: Counter[str], notes: list[str]
+    file: BinaryIO, kind: str, header: Sequence[str], tally: Counter[str], notes: list[str]
 ) -> Iterator[can.Message]:
     """What python-can reads below a header and the file; where a line is damaged, it goes on with the next one."""
     if kind == "blf":
         yield from _blf_messages(file, notes)
         return
+    reader = _READERS.get(kind, can.CanutilsLogReader)  # which reads all texts that become lines of candump
     lines, count, at, ended = _Lines(file, kind, header), 0, -1, False
     while not ended and lines.number > at and tally["damaged line"] < count + _MOST_DAMAGED:
         at = lines.number
         try:
-            for message in _READERS[kind](lines):
+            for message in reader(lines):
                 count += 1
                 yield message
             ended = True
@@ -101,7 +103,7 @@ def _blf_messages(file: BinaryIO, notes: list[str]) -> Iterator[can.Message]:
 class _Lines:
     """The lines of a text trace, as python-can iterates over a file; in the form that it can read."""
 
-    def __init__(self, file: BinaryIO, kind: TraceKind, header: Sequence[str]) -> None:
+    def __init__(self, file: BinaryIO, kind: str, header: Sequence[str]) -> None:
         self._file, self._kind = file, kind
         self.number = 0
         """Lines read."""
@@ -135,6 +137,8 @@ class _Lines:
         return self._last
 
     def _readable(self, line: str) -> str:
+        if self._kind in TEXT_TRACES:
+            return TEXT_TRACES[self._kind].candump(line)
         if self._kind == "candump":
             long = _LONG_CANDUMP.match(line)
             if long is None:

@@ -26,6 +26,9 @@ _DATES = (
     r"(?P<d>\d{1,2})/(?P<m>\d{1,2})/(?P<y>\d{4})",
 )
 _DAY = 86400.0
+_MINUS = re.compile("^ ?(?:[\u2212\u2013\x96]|\u00e2\u0088\u0092|\u00e2\u0080\u0093)")
+"""A minus or dash of typography, in Latin-1 and in UTF-8 that is read as Latin-1."""
+_EXPONENT = re.compile("(?<=[0-9.])[dD](?=[+-]?[0-9]{1,3}$)")
 _PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -118,6 +121,7 @@ class Cells:
         except pa.ArrowException:
             self.fault = f"{self.source}: column {self.name!r} holds {column.type}, numbers expected"
             return np.full(len(column), np.nan)
+        self._filled += len(column) - column.null_count
         return np.asarray(values, dtype=np.float64) * scale
 
     def finish(self) -> str | None:
@@ -128,7 +132,8 @@ class Cells:
                 f"{self._example[:30]!r}), numbers expected; name another column, or export it as numbers"
             )
         elif self._words:
-            return f"{self._words} cells of column {self.name!r} are no numbers, taken as missing"
+            cells = f"{self._words} cells of column {self.name!r} are no numbers, such as {self._example[:30]!r}"
+            return f"{cells}: taken as missing"
         return None
 
     def _from_dates(self, text: pa.Array, dates: DateStyle) -> Array:
@@ -157,7 +162,7 @@ class Cells:
             text = pc.utf8_trim_whitespace(text)
         blank = pc.is_in(pc.utf8_lower(text), value_set=_BLANK_CELLS.cast(text.type))
         cells = pc.if_else(blank, pa.scalar(None, text.type), text).to_pylist()
-        values = np.array([_number(cell) for cell in cells], dtype=np.float64)
+        values = np.array([number(cell) for cell in cells], dtype=np.float64)
         wrong = [cell for cell, value in zip(cells, values, strict=True) if cell is not None and value != value]
         self._filled += sum(cell is not None for cell in cells)
         self._words += len(wrong)
@@ -165,9 +170,11 @@ class Cells:
         return values
 
 
-def _number(cell: str | None) -> float:
-    """The number in a cell, NaN where it is none."""
+def number(cell: str | None) -> float:
+    """The number in a cell, also with a minus of typography or an exponent of Fortran; NaN where it is none."""
+    if cell is None or "_" in cell:
+        return np.nan
     try:
-        return float(cell) if cell is not None and "_" not in cell else np.nan
+        return float(_EXPONENT.sub("e", _MINUS.sub("-", cell)))
     except ValueError:
         return np.nan

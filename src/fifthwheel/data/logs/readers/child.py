@@ -209,6 +209,8 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
     module = importlib.import_module(request["module"])
     _arm(seconds)
     log: LogSource = module.open_log(Path(request["path"]), request["databases"], progress)
+    log.opening_notes += request["notes"]
+    log.note(*request["notes"])
     if request["sample"]:
         log.sample()
     described, omitted = _described(log)

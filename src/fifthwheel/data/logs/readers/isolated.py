@@ -60,10 +60,11 @@ def open_isolated(
     format_name: str,
     databases: Sequence[str | Path],
     progress: ReadProgress,
+    notes: Sequence[str] = (),
     *,
     sample: bool = False,
 ) -> LogSource:
-    """Open a log in a child process by the module that reads its format.
+    """Open a log in a child process by the module that reads its format; `notes` come before those of the reader.
 
     A SignalError if the reader refuses the file, crashes, makes no progress within the time limit or needs more memory
     than the limit, or if its library is not installed.
@@ -77,6 +78,7 @@ def open_isolated(
         "name": path.name,
         "module": module,
         "format": format_name,
+        "notes": [*notes],
         "sample": sample,
         "limits": asdict(limits),
         "folder": child.folder,
