@@ -168,6 +168,7 @@ def test_rate_duration_speed_and_name(truck):
     assert len(simulate(truck, count=3, rate=10)) == 240
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "sweep", "random"])
 def test_simulated_records_are_plausible(truck, manoeuvre):
     count = {"count": 3} if manoeuvre == "lane_changes" else {}

@@ -7,8 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.model.dynamics import modes
 from fifthwheel.truck import Payload, Vehicle, catalogue, unit_of
 from fifthwheel.truck.catalogue import COMBINATIONS, edited, template
+from fifthwheel.truck.weighing import unusual_masses
 from tests.truck.test_classes import TEXT
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
@@ -98,6 +100,18 @@ PARTS = {
         (13000, -2.6, 6.1, 2.11),
         *[(700, x, 0.0, 0.0) for x in (-5.2, -6.5, -7.8)],
     ],
+    ("articulated_bus", "front"): [
+        *((mass, -2.5, 10.4, 2.5) for mass in (6200, 4800)),
+        (700, 0.0, 0.0, 0.0),
+        (900, -5.9, 0.0, 0.0),
+    ],
+    ("articulated_bus", "rear"): [
+        (3400, -3.77, 7.54, 2.5),
+        (1600, -6.2, 1.6, 1.0),
+        (3000, -3.0, 5.5, 2.5),
+        (1200, -4.14, 0.0, 0.0),
+    ],
+    ("car_caravan", "caravan"): [(1300, -3.75, 5.0, 2.2), (100, -4.0, 0.0, 0.0)],
     ("truck_full_trailer", "trailer"): [(3000, -2.6, 7.7, 0.0), (11500, -2.6, 7.2, 2.4), (700, -5.1, 0.0, 0.0)],
 }
 """Mass, position, length and width of uniform parts, kg and m, as in the comments of the files."""
@@ -144,6 +158,25 @@ def test_long_combinations(name: str, kinds: list[str], mass: float) -> None:
         coefficient = 7.0 if "." in path else 5.7
         stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
         assert stiffness == pytest.approx(coefficient * load, abs=2500), path
+
+
+@pytest.mark.parametrize(
+    ("name", "coefficient", "damping", "least"),
+    [("articulated_bus", 7.0, 30e3, 1.5), ("car_caravan", 12.0, 1.7e3, 1.3)],
+)
+def test_a_damper_in_yaw_calms_buses_and_caravans(name: str, coefficient: float, damping: float, least: float) -> None:
+    """Tyres by a coefficient at the static loads; at 80 km/h the damper adds to the damping ratio of the sway."""
+    vehicle = catalogue.get(name)
+    (coupling,) = vehicle.couplings
+    assert (coupling.yaw_damping, coupling.yaw_stiffness) == (damping, None)
+    assert vehicle.couplings_with_damper() == [coupling]
+    for path, load in vehicle.axle_loads().items():
+        stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
+        assert stiffness == pytest.approx(coefficient * load, abs=2500), path
+    free = vehicle.replace({f"{coupling.name}.yaw_damping": 0.0})
+    first, second = (min(m.damping for m in modes(v, 80 / 3.6, roll=False)) for v in (free, vehicle))
+    assert second > least * first > 0
+    assert next(unusual_masses(vehicle), None) is None
 
 
 @pytest.mark.parametrize("name", catalogue.names())

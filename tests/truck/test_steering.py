@@ -185,6 +185,7 @@ def test_a_file_imports_no_module_and_changed_equations_are_refused() -> None:
             loaded(function=other)
 
 
+@pytest.mark.slow
 def test_another_process_knows_the_units(tmp_path) -> None:
     (tmp_path / "own.py").write_text("from tests.truck.test_steering import lag\n")
     (tmp_path / "truck").write_bytes(pickle.dumps(with_lag()))

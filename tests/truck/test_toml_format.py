@@ -69,6 +69,7 @@ def test_wrong_quantities_are_refused(value: object, unit: str) -> None:
         read_quantity(value, unit, "a.b")
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.sampled_from(PATHS), st.just(0.0) | st.floats(0, 1e9)), st.sampled_from(PATHS))
 def test_stated_sigmas_round_trip(stated: dict[str, float], path: str) -> None:
     vehicle = catalogue.get("cheng_cebon_2011").with_stated(stated)

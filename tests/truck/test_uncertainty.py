@@ -31,6 +31,7 @@ def test_names(name: str) -> None:
         load = ["payload.mass"] if unit.payload else []
         behind = [] if unit is vehicle.units[-1] else ["coupling"]
         expected += [f"{unit.name}.{key}" for key in ("mass", *load, "cog", "axle_positions", *behind)]
+    expected += [f"{coupling.name}.yaw_damping" for coupling in vehicle.couplings if coupling.yaw_damping]
     assert list(slopes(vehicle)) == expected
 
 

@@ -29,7 +29,7 @@ ROLLING_RESISTANCE = "tyre.rolling_resistance"
 DRIVE_AXLE_BRAKING = "brakes.drive_axle"
 ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE = "road.bank", "road.bank_variation", "discrepancy", "time_base"
 MASS_SCALE = "mass_scale"
-COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
+COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable", "joint", "ball")
 """A word with one of these ends the name of a coupling."""
 WIDE = 0.5
 """Prior standard deviation of a position that the logs are to determine, m."""
@@ -215,6 +215,8 @@ QUANTITIES: dict[str, Quantity] = {
     "self_steering.castor": Quantity(
         0.1, absolute=True, by_change=True, source="friction, and springs or dampers that centre the wheels"
     ),
+    "yaw_stiffness.spring": Quantity(0.3, by_change=True, source="as in roll"),
+    "yaw_damping.damper": Quantity(0.3, by_change=True, source="a linear law for a damper with valves"),
 }
 """By the end of the name. Each component of a vehicle adds the rows of its fields."""
 UNITS: dict[str, str] = {

@@ -166,7 +166,7 @@ _UNIT_LENGTH = 25.0
 """Largest distance of neighbouring axles of a unit, m."""
 _CURES = {
     "N/rad": "give the side force per slip angle, the total of the group's axles",
-    "N m/rad": "give the roll moment per roll angle; two springs of k N/m, each y m from the middle, have 2 k y^2",
+    "N m/rad": "give the moment per angle; two springs of k N/m, each y m from the middle, have 2 k y^2",
 }
 
 

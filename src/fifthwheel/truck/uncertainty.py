@@ -31,10 +31,11 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
 
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
     `<unit>.axle_positions` and `<unit>.coupling`; `<group>.axle_positions` of several axles whose positions are all
-    stated; the self-steering and the command steering of axles where it is not 0; and the path of every other parameter
-    with a stated standard deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights,
-    yaw inertia and relaxation lengths have a change of their own only if their standard deviation is stated. The place
-    of an accelerometer and the driveline have none: they do not change the lateral motion.
+    stated; the self-steering and the command steering of axles, and the yaw stiffness and damping of couplings, where
+    they are not 0; and the path of every other parameter with a stated standard deviation above 0. A change that alters
+    no parameter is left out. Roll stiffness, heights, yaw inertia and relaxation lengths have a change of their own
+    only if their standard deviation is stated. The place of an accelerometer and the driveline have none: they do not
+    change the lateral motion.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -53,6 +54,12 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
                 path = f"{unit.name}.{axle.name}.{key}"
                 if getattr(axle, key):
                     slopes[path] = {path: stated.get(path, quantity_of(row).sigma)}
+    for coupling in vehicle.couplings:
+        for row in ("yaw_stiffness.spring", "yaw_damping.damper"):
+            key = row.partition(".")[0]
+            if value := getattr(coupling, key):
+                path = f"{coupling.name}.{key}"
+                slopes[path] = {path: stated.get(path, quantity_of(row).sigma_of(value))}
     altered = {path for by_path in slopes.values() for path in by_path}
     parsed = {path: ParameterPath.of(path) for path in stated if path not in altered}
     slopes |= {

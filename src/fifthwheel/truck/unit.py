@@ -355,10 +355,11 @@ class Unit(Component):
 
 
 class Coupling(Component):
-    """The joint between a unit and the unit behind it; it transmits side force, and every kind is free in yaw.
+    """The joint between a unit and the unit behind it; it transmits side force. Every kind is free in yaw unless it has
+    a yaw stiffness or damping, as the joint of an articulated bus and the stabiliser of a caravan have.
 
     A fifth wheel is free in pitch and carries roll moment: its plate pivots about a lateral axis. A drawbar eye is free
-    in pitch and roll. A turntable joins the dolly of a full trailer and its body: its ball race is free in yaw only, so
+    in pitch and roll. A turntable joins the dolly of a full trailer and its body: its ball race turns in yaw only, so
     the two are one body in pitch. The drawbar in front of such a dolly is hinged; its eye carries no vertical load.
 
     Source: R. D. Ervin and Y. Guy, The influence of weights and dimensions on the stability and control of heavy-duty
@@ -393,6 +394,22 @@ class Coupling(Component):
         Quantity(0.3, gross=0.8, weight=0.5, of_roll=True),
         default=0.0,
         plausible=(0.0, 1e7),
+    )
+    yaw_stiffness: NonNegative | None = number(
+        "N m/rad",
+        "Yaw moment per articulation angle; none by default.",
+        Quantity(absolute=True, gross=5e4, weight=0.3),
+        default=None,
+        plausible=(0.0, 1e7),
+    )
+    yaw_damping: NonNegative | None = number(
+        "N m s/rad",
+        "Yaw moment per rate of the articulation angle, as of the damper in the joint of an articulated bus; none by"
+        " default.",
+        # gross: such a damper
+        Quantity(2e3, absolute=True, gross=5e4, weight=3.0, source="friction of a joint that the file has as free"),
+        default=None,
+        plausible=(0.0, 1e6),
     )
 
     @model_validator(mode="before")

@@ -31,6 +31,9 @@ MAX_COUPLING_OVERHANG = 10.0
 """Largest distance of a coupling behind the last axle of the unit in front, m."""
 MAX_COUPLING_LEAD = 25.0
 """Largest distance of a coupling ahead of the last axle of the unit behind, m."""
+LIFTING = 0.1
+"""Largest distance of a CoG behind the last axle of a unit that thus lifts its front coupling, as the engine of a bus
+does, as a fraction of the distance of the two."""
 
 FieldLocation = tuple[str | int, ...]
 """Keys from the vehicle's fields to a scalar: ('units', 0, 'sprung', 'mass')."""
@@ -159,9 +162,11 @@ class Vehicle(Component):
                 )
         for unit in self.units:
             supports = self._supports(unit)
-            if not min(supports) <= unit.cog <= max(supports):
+            low, high = min(supports), max(supports)
+            least = low if unit is self.units[0] else low - LIFTING * (high - low)
+            if not least <= unit.cog <= high:
                 raise VehicleError(
-                    f"{unit.name}.cog: expected between {min(supports):g} and {max(supports):g} m, where the unit is"
+                    f"{unit.name}.cog: expected between {low:g} and {high:g} m, where the unit is"
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
         for axle in self.units[0].axles:
@@ -408,6 +413,16 @@ class Vehicle(Component):
                 moment += pull * self.couplings[i - 1].height
             displaced[f"{unit.name}.cog"] += moment / weight
         return axle_loads(displaced, self.units, self.couplings)
+
+    def couplings_with_damper(self) -> list[Coupling]:
+        """The couplings that usually have a damper in yaw, as the vehicle would sway without: behind the last axle of
+        the unit in front, those that carry roll moment, of articulated buses, and the eye of a centre-axle trailer."""
+        found = []
+        for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
+            is_eye = coupling.kind == "drawbar_eye" and rear is self.units[-1] and len(rear.axle_groups) == 1
+            if (is_eye or coupling.kind == "fifth_wheel") and coupling.leading_position < front.axles[-1].position:
+                found.append(coupling)
+        return found
 
     def tyres(self) -> dict[str, int]:
         """Number of tyres of each axle group by its path.

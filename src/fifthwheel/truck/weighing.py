@@ -21,6 +21,8 @@ MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""
 MAX_FACTOR = 3.0
 """Largest usual factor between the mass of axles and wheels and that of published vehicles, or its inverse."""
+LIGHT = 7.5e3
+"""Largest mass of a car with its trailer, whose axles are not those of trucks, kg."""
 LOAD_SIGMA = 0.5
 """Standard deviation of the mass of a load before it is weighed, as a fraction of the mass in the file."""
 STEP = 0.01
@@ -63,6 +65,7 @@ def unusual_masses(vehicle: Vehicle) -> Iterator[str]:
     """
     if exchanged := exchanged_loads(vehicle):
         yield exchanged
+    is_heavy = sum(unit.mass for unit in vehicle.units) > LIGHT
     for unit in vehicle.units:
         load = unit.payload.mass if unit.payload else 0.0
         empty, keys = ("empty ", "sprung.mass and payload.mass") if load else ("", "sprung.mass")
@@ -75,7 +78,7 @@ def unusual_masses(vehicle: Vehicle) -> Iterator[str]:
                     f" {'the mass of the load and ' if load else ''}the axle loads by the weighbridge"
                 )
         axles, usual = unit.mass - unit.laden_sprung_mass, _usual_axles(unit)
-        if not usual / MAX_FACTOR <= axles <= usual * MAX_FACTOR:
+        if is_heavy and not usual / MAX_FACTOR <= axles <= usual * MAX_FACTOR:
             yield (
                 f"{unit.name}: axles and wheels weigh {axles / 1e3:.1f} t, the mass of the unit less {keys}; usual are"
                 f" {usual / 1e3:.1f} t; check these masses"

@@ -103,9 +103,14 @@ def linear(
             f"trail_up{i + 1}": coupling.height - units[i + 1].roll_axis_height,
             f"Kc{i + 1}": coupling.roll_stiffness,
             f"Cc{i + 1}": coupling.roll_damping,
+            f"Kz{i + 1}": coupling.yaw_stiffness or 0.0,
+            f"Cz{i + 1}": coupling.yaw_damping or 0.0,
         }
-    function, arguments = lagrangian(tuple(len(unit.axles) for unit in units), roll)
+    function, arguments = lagrangian(tuple(len(unit.axles) for unit in units))
     M, D, K, H, P, R = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
+    if not roll:  # Lagrange's equations of the coordinates that are left
+        M, D, K = (matrix[: n + 1, : n + 1] for matrix in (M, D, K))
+        H, P, R = H[: n + 1], P[:, : n + 1], R[:, : n + 1]
     heights = [unit.roll_axis_height for unit in units for _ in unit.axle_groups]
     compliances = [axle_compliance(group, height) for (_, group, _), height in zip(groups, heights, strict=True)]
     T = side_forces([(group, indices) for _, group, indices in groups], compliances, speed)
@@ -201,19 +206,19 @@ def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
 
 
 @lru_cache
-def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]]:
+def lagrangian(axles: tuple[int, ...]) -> tuple[Any, tuple[str, ...]]:
     """M, D, K, H, P, R for a chain of units with these numbers of axles, and the names of the arguments.
 
     M q'' + D q' + K q = H f with f the side force of every axle; the slip angle is P q' + R q plus the steer angle.
 
-    q: y of the first unit's CoG, all yaw angles, and all roll angles unless the suspensions are rigid (roll False).
+    q: y of the first unit's CoG, all yaw angles, and all roll angles.
     """
     n, t = len(axles), dynamicsymbols._t
     ground, origin = ReferenceFrame("N"), Point("O")
     origin.set_vel(ground, 0)
     y, psi = dynamicsymbols("y"), dynamicsymbols(f"psi:{n}")
-    phi = dynamicsymbols(f"phi:{n}") if roll else [sp.Integer(0)] * n
-    q = [y, *psi, *(phi if roll else [])]
+    phi = dynamicsymbols(f"phi:{n}")
+    q = [y, *psi, *phi]
     small = [*q, *(x.diff(t) for x in q)]
 
     def second_order(r: Vector) -> Vector:
@@ -247,12 +252,14 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
         rest = RigidBody(f"rest{i}", rest_cog, unit, m - ms, (inertia(unit, 0, 0, rest_yaw), rest_cog))
         energy += truncated(sprung.kinetic_energy(ground) + rest.kinetic_energy(ground), small, 2)
         energy -= truncated(ms * S("g") * up * sp.cos(phi[i]) + K * phi[i] ** 2 / 2, q, 2)
-        if roll:
-            loads.append((body, -C * phi[i].diff(t) * unit.x))
-        if roll and i:
+        loads.append((body, -C * phi[i].diff(t) * unit.x))
+        if i:
             energy -= S(f"Kc{i}") * (phi[i] - phi[i - 1]) ** 2 / 2
             moment = S(f"Cc{i}") * (phi[i] - phi[i - 1]).diff(t)
             loads += [(body, -moment * unit.x), (rolled[i - 1], moment * yawed[i - 1].x)]
+            energy -= S(f"Kz{i}") * (psi[i] - psi[i - 1]) ** 2 / 2
+            moment = S(f"Cz{i}") * (psi[i] - psi[i - 1]).diff(t)
+            loads += [(unit, -moment * ground.z), (yawed[i - 1], moment * ground.z)]
 
         for k in range(axles[i]):
             axle, force = point(f"axle{i}_{k}", axis + S(f"x{i}_{k}") * unit.x), S(f"f{i}_{k}")

@@ -43,6 +43,7 @@ def both(vehicle: Vehicle, outputs: tuple[str, ...], *, roll: bool = True) -> tu
     return model(vehicle, outputs, roll=roll), model(vehicle, outputs, roll=roll, extended=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "roll"),
     [("truck, all changed", True), ("truck, all changed", False), ("b_double, some relaxation", True)],
@@ -90,6 +91,7 @@ def test_braking_is_that_of_the_plain_model() -> None:
     assert (results[1][1] == results[2][1]).all()  # the sensors see the end of the step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["article", "b_double, some relaxation"])
 def test_softening_reduces_the_stiffness_at_a_slip_angle(name: str) -> None:
     """The plain model with C / (1 + s |alpha|), alpha from the kinematics of the axles or the lagged slip angle.
@@ -150,6 +152,7 @@ def response(chain: ChainModel, record: Record, errors: dict[str, float]) -> Arr
     return free_response(chain, values, record.time, inputs)[1]
 
 
+@pytest.mark.slow
 def test_a_delay_of_a_sensor_shifts_its_output() -> None:
     """Its phase changes by omega times the delay; its amplitude does not, to first order."""
     plain, extended = both(LOGGED, SENSORS)

@@ -92,6 +92,8 @@ def b_double() -> Vehicle:
             height=1.2,
             roll_stiffness=2.4e6,
             roll_damping=1.3e4,
+            yaw_stiffness=3.1e4,
+            yaw_damping=2.7e4,
         ),
         Coupling(
             name="rear_wheel",
@@ -100,6 +102,8 @@ def b_double() -> Vehicle:
             height=1.3,
             roll_stiffness=1.9e6,
             roll_damping=2.1e4,
+            yaw_stiffness=2.2e4,
+            yaw_damping=1.9e4,
         ),
     )
     return Vehicle(name="b_double", units=(tractor, lead, last), couplings=wheels)
@@ -137,7 +141,7 @@ KINDS = {
     "b_double": b_double(),
     "b_double, all relaxation": with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57),
     "b_double, some relaxation": with_relaxation(b_double(), 0.0, 0.52, 0.0, 0.0, 0.57),
-    "a_double": get("a_double"),
+    "truck_dolly_semitrailer": get("truck_dolly_semitrailer"),
     "article, trail": with_trail(ARTICLE, 0.03, 0.06, 0.05),
     "truck, some trail": with_trail(TRUCK, 0.03, 0.06),
     "b_double, all relaxation, trail": with_trail(
@@ -154,10 +158,10 @@ FAST_AND_SLOW = [
     "truck, some trail, all changed",
     *(
         pytest.param(f"{name}, all changed", marks=pytest.mark.slow)
-        for name in ("a_double", "b_double, some relaxation", "b_double, all relaxation, trail")
+        for name in ("truck_dolly_semitrailer", "b_double, some relaxation", "b_double, all relaxation, trail")
     ),
 ]
-"""The oracle's equations of three and four units take long."""
+"""The oracle's equations of three units take long."""
 
 
 def difference(actual: Array, expected: Array) -> float:
@@ -167,6 +171,7 @@ def difference(actual: Array, expected: Array) -> float:
     return float((np.abs(actual - expected) / scale).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
 @pytest.mark.parametrize("name", FAST_AND_SLOW)
 def test_equals_lagrange(name: str, roll: bool) -> None:
@@ -197,8 +202,9 @@ def test_every_parameter_changes_both_derivations_equally() -> None:
         assert max(difference(actual.A, expected.A), difference(actual.B, expected.B)) < 1e-6 * change, path
 
 
+@pytest.mark.slow
 @given(data=st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
     vehicle = changed(
         data.draw(st.sampled_from(list(KINDS.values()))),

@@ -74,8 +74,9 @@ def rates(
     return np.array(ca.Function("rates", [state], [result.stages.expanded(result.rates)])(x)).ravel()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [False, True])
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4", "articulated_bus"])
 def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None:
     """The difference falls with the square of the motion, or faster."""
     vehicle, rng = with_trail(get(name), 0.04, 0.06), np.random.default_rng(1)
@@ -89,6 +90,7 @@ def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None
     assert errors[1] < errors[0] / 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", AxleGroup.si_units)
 def test_every_parameter_of_an_axle_group_is_in_both_laws(quantity: str) -> None:
     """At small motion and high friction, a change of the parameter has the same effect, which is not 0."""
@@ -108,10 +110,10 @@ def test_every_parameter_of_an_axle_group_is_in_both_laws(quantity: str) -> None
     np.testing.assert_allclose(linear, by_chain[1] - by_chain[0], rtol=0, atol=1e-4 * np.abs(linear).max())
 
 
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", pytest.param("a_double", marks=pytest.mark.slow)])
-def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
+@pytest.mark.slow
+def test_small_motion_while_braking_is_that_of_lagrange() -> None:
     """Of an independent derivation with brakes and inertia forces; the tyres are linear, the loads do not change."""
-    truck, rng = get(name), np.random.default_rng(4)
+    truck, rng = get("cheng_cebon_2011"), np.random.default_rng(4)
     brakes = {path: -3.0 * load / STANDARD_GRAVITY for path, load in truck.axle_loads().items()}
     changes = LINEAR | {f"{path}.{load}": 0.0 for path in brakes for load in ("braking_load", "pull_load")}
     names = chain.state_names(truck, roll=True)
@@ -128,6 +130,7 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
     assert errors[1] < errors[0] / 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "b_double"])
 @pytest.mark.parametrize(("speed_rate", "retarder"), [(0.9, 0.0), (-0.9, 1.0)])
 def test_small_motion_while_the_first_unit_drives_or_brakes_is_that_of_the_chain(
@@ -199,6 +202,7 @@ def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> 
     assert errors[1] < errors[0] / 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [False, True])
 def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
     """A model with the derivative of the speed as an input is that without it, where it is 0, except for rounding."""
@@ -218,6 +222,7 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
         np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speed_rate", "retarder"),
     [(0.0, 0.0), (-3.0, 0.0), (-0.05, 0.0), (0.5, 0.0), (-1.0, 0.7), (-3.0, 1.0)],
@@ -352,6 +357,7 @@ def test_drag_moves_load_from_the_front_to_the_drive_axle() -> None:
         assert actual == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [15.0, 25.0])
 def test_the_loads_at_constant_speed_are_those_of_the_nonlinear_truck(speed: float) -> None:
     """Within 0.25 % of the static load; without resistance, the load of the front axle is 1.2 and 1.8 % too high."""
@@ -366,6 +372,7 @@ def test_the_loads_at_constant_speed_are_those_of_the_nonlinear_truck(speed: flo
     assert -expected["tractor.front"] > 0.01 * loads["tractor.front"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])
 def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> None:
     """Within 2.5 % of the static load; the load of the front axle changes by 28 and 14 %. Drag and driving force of the
@@ -383,6 +390,7 @@ def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> 
             assert change == pytest.approx(-parameters[f"{path}.braking_load"] * rate, abs=0.025 * loads[0]), path
 
 
+@pytest.mark.slow
 def test_the_loads_with_a_retarder_are_those_of_the_nonlinear_truck() -> None:
     """Within 1 % of the static load: the trailer without brakes pushes at the coupling, and loads the front axle."""
     truth = Plant(TRUCK, Properties(brakes={"tractor.drive": 1.0})).drive(braked(straight(duration=9.0), 1.0)).truth

@@ -44,6 +44,7 @@ def run(truck: Vehicle, outputs: tuple[str, ...], *, extended: bool = False, **e
     return dict(zip(outputs, y.T, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize(("position", "height"), [(0.0, 0.4), (-4.1, 2.3)])
 def test_output_is_acceleration_and_gravity_at_its_place(unit: str, position: float, height: float) -> None:
@@ -77,6 +78,7 @@ def test_default_place_is_under_the_cog_on_the_roll_axis() -> None:
     assert np.abs(ahead - by_default).max() > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relaxation", [True, False])  # without, side forces follow the steer angle at once
 @pytest.mark.parametrize("unit", UNITS)
 def test_a_delay_shifts_the_output(unit: str, relaxation: bool) -> None:
@@ -134,6 +136,7 @@ def test_a_record_with_the_differences(truck: Vehicle) -> None:
     assert with_wheel_speed_differences(given, truck) is given
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tyres", ["linear", "saturating"])
 def test_the_output_is_kinematic_and_follows_the_load(truck: Vehicle, tyres: TyreLaw) -> None:
     """In a steady turn with the true yaw rate and load transfer of the same model."""

@@ -180,6 +180,7 @@ def test_damping_of_an_unstable_real_mode() -> None:
     assert sorted(mode.damping for mode in modes(vehicle, critical + 5, roll=False)) == pytest.approx([-1, 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [True, False])
 def test_rearward_amplification_equals_simulation(roll: bool) -> None:
     speed, frequency = 24.4, 0.4
@@ -282,6 +283,7 @@ def test_load_transfer_balances_the_roll_moment_of_a_steady_turn() -> None:
     assert front > 0  # a left turn loads the right wheels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relaxation", [0.0, 0.5])
 @pytest.mark.parametrize("roll", [True, False])
 def test_response_equals_the_simulation(relaxation: float, roll: bool) -> None:

@@ -117,6 +117,7 @@ def test_a_raised_axle_is_one_that_is_not_in_the_file():
         assert np.array_equal(without, lifted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "b_double"])
 @pytest.mark.parametrize("keys", [{"self_steering": 0.0}, SELF_STEERING, COMMAND, LIFTED])
 def test_large_angles_tend_to_the_linear_model(keys: dict[str, object], name: str):

@@ -96,6 +96,7 @@ def response(truck, tyres, steer, time, outputs=OUTPUTS):
     return free_response(model, values, time, {"speed": np.full_like(time, 22.0), STEER: steer})[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tyres", ["linear", "saturating"])
 def test_a_lag_filters_the_steer_angle(tyres) -> None:
     """The filter is exact for inputs that change linearly between the samples, which are 1 ms apart."""
@@ -120,6 +121,7 @@ def test_the_frequency_response_has_the_lag_as_a_factor() -> None:
     assert STATE in own.states
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [True, False])
 def test_steering_by_the_articulation_is_command_steering(roll) -> None:
     """The built-in law of command-steered axles is an independent implementation."""
@@ -181,6 +183,7 @@ def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
         assert H[:, i] == pytest.approx(np.array(row).ravel(), rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_equations_that_are_not_linear_limit_the_angle_of_the_wheels() -> None:
     time = np.arange(0, 8, 0.01)
     steer = 0.05 * np.minimum(time, 1.0)

@@ -1,12 +1,14 @@
 """Derivatives through intermediate variables, and those of the models that have them."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.symbolic import Stages, change_ahead, factorised
+from fifthwheel.model.dynamics.symbolic import LARGEST_LAG, MotionAhead, Stages, exponential_step, factorised
 from fifthwheel.truck import get
 
 X = ca.SX.sym("x", 3)
@@ -58,6 +60,7 @@ def test_derivatives_of_a_held_variable_are_neglected() -> None:
     np.testing.assert_allclose(value(rate), [[np.sin(POINT[1]) * RATES[0]]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
 def test_the_model_with_saturating_tyres(name: str) -> None:
     """Its Jacobians are the differences of rates and outputs, while it brakes, without loads by the pull."""
@@ -102,14 +105,87 @@ def test_factorised() -> None:
 
 
 @pytest.mark.parametrize("horizon", [0.3, 0.6, 0.9])
-def test_change_ahead_of_a_truck(horizon: float) -> None:
+def test_prediction_of_a_truck(horizon: float) -> None:
     """Within 4 % of the steady values, though the slip angles of the tyres follow within 0.02 s; trailer 1.5 %."""
     truck = get("cheng_cebon_2011").replace({"semitrailer.payload.height": 2.4})
     outputs = [f"load_transfer_moment.{path}" for path in truck.axle_loads()]
     system = dynamics.linear_system(truck, 22.0, outputs, roll=True)
     A, rate, n = system.A, system.B[:, 0] * 0.03, len(system.A)
     together = expm(np.block([[A, rate[:, None]], [np.zeros((1, n + 1))]]) * horizon)
-    actual = np.array([(value(change_ahead(ca.SX(A), ca.SX(row[None, :]), horizon)) @ rate).item() for row in system.C])
+    prediction = MotionAhead(ca.SX(A), horizon)
+    actual = np.array([value(prediction.rows(ca.SX(row[None, :]))[0]).ravel() @ rate for row in system.C])
+    change = value(prediction.change(prediction.stages(ca.SX(rate)))).ravel()
+    np.testing.assert_allclose(system.C @ change, actual, rtol=1e-9)
     error = np.abs(actual - system.C @ together[:n, n]) / np.abs(system.C @ np.linalg.solve(A, rate))
     assert error.max() < 0.04
     assert error[-1] < 0.015
+
+
+@pytest.mark.slow
+def test_gradients_of_predicted_ratios_neglect_nothing() -> None:
+    """With softening tyres, whose linearised motion depends on the state."""
+    truck = get("cheng_cebon_2011")
+    free = ("semitrailer.cornering_stiffness", "semitrailer.sprung.mass", "semitrailer.softening", "tractor.cog")
+    outputs = [f"predicted_load_transfer.{path}" for path in truck.axle_loads()]
+    model = dynamics.model(truck, outputs, roll=True, free=free, braking=True)
+    values = dynamics.all_parameters(truck, outputs) | {f"{path}.softening": 2.0 for path in truck.group_paths()}
+    n, n_d, *_ = model.sizes
+    x, p, c = np.linspace(-0.04, 0.06, n), model.free_values(values), model.known_values(values)
+    d = np.tile([20.0, *np.linspace(0.03, 0.01, n_d // 2 - 2), 0.2], 2)
+    symbols = [ca.SX.sym(name, size) for name, size in zip("xp", (n, len(free)), strict=True)]
+    by = ca.jacobian(model.observation(symbols[0], d, symbols[1], c), ca.vertcat(*symbols))
+    expected = np.array(ca.Function("by", symbols, [by])(x, p))
+    np.testing.assert_allclose(value(model.observation_gradients(x, d, p, c)), expected, rtol=1e-9, atol=1e-12)
+    neglecting = value(model.observation_sensitivity(x, d, p, c))
+    assert (np.abs(neglecting / expected[:, n:] - 1) > 0.01).any()
+
+
+def stepped(decay: float, dt: float, parts: int) -> float:
+    """x(dt) of x' = decay (d - x) + sin(x), with d from 0.2 to 0.5, in some steps."""
+    x, before, after, step, lag = (ca.SX.sym(name) for name in ("x", "before", "after", "step", "lag"))
+    later = exponential_step(lambda state, d: lag * (d - state) + ca.sin(state), x, lag, before, after, step)
+    function = ca.Function("later", [x, before, after, step, lag], [later])
+    state, inputs = 0.1, np.linspace(0.2, 0.5, parts + 1)
+    for first, last in pairwise(inputs):
+        state = float(function(state, first, last, dt / parts, decay))
+    return state
+
+
+@pytest.mark.parametrize("decay", [0.0, 5.0, 40.0, 100.0])
+def test_an_exponential_step_is_of_fourth_order_and_exact_in_its_lag(decay: float) -> None:
+    dt = LARGEST_LAG / 100
+    exact = stepped(decay, dt, 64)
+    errors = [abs(stepped(decay, dt, parts) - exact) for parts in (1, 2, 4, 8)]
+    assert errors[0] < 1e-4
+    assert errors[2] > 11 * errors[3]
+
+
+def test_an_exponential_step_of_a_lag_alone_is_exact() -> None:
+    x, before, after = ca.SX(0.3), ca.SX(1.0), ca.SX(2.0)
+    for decay, dt in ((0.0, 0.04), (50.0, 0.04), (50.0, 0.08)):
+        later = exponential_step(lambda state, d, k=decay: k * (d - state), x, ca.SX(decay), before, after, ca.SX(dt))
+        A = np.array([[-decay, decay, 0.0], [0.0, 0.0, 1.0 / dt], [0.0, 0.0, 0.0]])
+        expected = (expm(A * dt) @ [0.3, 1.0, 1.0])[0]
+        assert float(later) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+def test_long_steps_of_the_truck_agree_with_short_ones(tyres: str) -> None:
+    """From a state far from equilibrium, whose side forces begin at 0: as many short steps."""
+    truck = get("cheng_cebon_2011")
+    states = {}
+    for long_steps, parts in ((True, 4), (False, 64)):
+        model = dynamics.model(truck, (), roll=True, tyres=tyres, long_steps=long_steps)
+        c = model.known_values(dynamics.all_parameters(truck, (), tyres=tyres))
+        x = np.zeros(len(model.states))
+        x[[model.states.index(name) for name in ("lateral_velocity.tractor", "yaw_rate.tractor")]] = -0.1, 0.08
+        steers = np.linspace(0.02, 0.022, parts + 1)
+        others = np.zeros(len(model.inputs) - 2)
+        for first, last in pairwise(steers):
+            d = np.r_[22.0, first, others, 22.0, last, others]
+            x = np.array(model.transition(x, 0.04 / parts, d, [], c)).ravel()
+        states[long_steps] = dict(zip(model.states, x, strict=True))
+    for name in ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer"):
+        assert states[True][name] == pytest.approx(states[False][name], abs=1e-5)
+    assert abs(states[False]["roll_rate.tractor"]) > 0.04, "the truck moves in the step"

@@ -111,6 +111,7 @@ COURSES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRUCKS)
 @pytest.mark.parametrize("model", [bicycle, yaw_roll])
 @pytest.mark.parametrize("kind", COURSES)

@@ -63,6 +63,7 @@ def with_dolly() -> Vehicle:
     )
 
 
+@pytest.mark.slow
 def test_strip(run: PlantRun, tmp_path: Path):
     from matplotlib.image import imread
 

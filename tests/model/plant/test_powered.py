@@ -34,6 +34,7 @@ def forces(run, *axles):
     return sum(run.truth[f"longitudinal_force.{axle}"] for axle in axles)
 
 
+@pytest.mark.slow
 def test_force_balance_on_a_straight_hilly_road(plant):
     """Mass times acceleration is what the tyres give less drag in the wind and the weight along the road."""
     run = plant.drive(straight(speed=20.0, duration=20.0), driven=DRIVEN, seed=4)
@@ -47,6 +48,7 @@ def test_force_balance_on_a_straight_hilly_road(plant):
     assert actual == pytest.approx(np.convolve(expected, smooth, "valid"), abs=0.003 * MASS)
 
 
+@pytest.mark.slow
 def test_power_of_the_engine_arrives_at_the_road(bends):
     """Engine torque times speed, less losses and the inertia of engine and wheels, is force times speed of the tyres
     on the driven axle, within the few per cent that tyres lose by slip."""
@@ -104,6 +106,7 @@ def test_a_powered_run_leaves_nothing_in_the_plant(plant):
     assert all(np.array_equal(before.truth[name], after.truth[name]) for name in before.truth)
 
 
+@pytest.mark.slow
 def test_a_record_has_lateral_and_longitudinal_signals(bends):
     record = bends.record(seed=1, everything=True)
     for name in ("yaw_rate.semitrailer", "engine_torque", "wheel_speed.semitrailer.middle.left", "braking.tractor"):

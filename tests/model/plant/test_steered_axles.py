@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.manoeuvres import constant_radius, lane_changes
 from fifthwheel.model.plant import Plant
@@ -16,7 +17,7 @@ AXLES = ("front", "middle", "rear")
 
 def in_a_bend(truck: Vehicle) -> dict[str, float]:
     """True signals at the end of a slow bend to the left."""
-    run = Plant(truck, NO_RESISTANCE).drive(constant_radius(radius=60.0, speed=8.0, duration=30.0), rate=20)
+    run = Plant(truck, NO_RESISTANCE).drive(constant_radius(radius=60.0, speed=8.0, duration=15.0), rate=20)
     return {name: float(values[-1]) for name, values in run.truth.items()}
 
 
@@ -26,6 +27,7 @@ def geometric_slip(truth: dict[str, float], x: float) -> float:
     return -np.arctan2(v + (x + 5.5) * r, u)
 
 
+@pytest.mark.slow
 def test_castor_wheels_slip_by_the_rest_of_the_slip_angle():
     truth = in_a_bend(with_axle(SELF_STEERING))
     for axle, x, fraction in zip(AXLES, (-6.7, -8.0, -9.3), (1, 1, 0.2), strict=True):
@@ -33,6 +35,7 @@ def test_castor_wheels_slip_by_the_rest_of_the_slip_angle():
         assert truth[f"slip_angle.semitrailer.{axle}"] == pytest.approx(expected, rel=0.02, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_command_steering_turns_the_rear_axle_to_the_right_in_a_left_bend():
     truth = in_a_bend(with_axle(COMMAND))
     steer = truth["slip_angle.semitrailer.rear"] - geometric_slip(truth, -9.3)
@@ -50,19 +53,23 @@ def test_a_raised_axle_has_neither_load_nor_force():
     assert of_group == pytest.approx(truck.axle_loads()["semitrailer"], rel=0.02)
 
 
-@pytest.mark.parametrize("keys", [SELF_STEERING, COMMAND, LIFTED])
-def test_model_and_nonlinear_truck_agree(keys: dict[str, object]):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("keys", "tyres", "limit"),
+    [(SELF_STEERING, "saturating", 0.08), (COMMAND, "linear", 0.13), (LIFTED, "saturating", 0.08)],
+)
+def test_model_and_nonlinear_truck_agree(keys: dict[str, object], tyres: TyreLaw, limit: float):
     """As well as with fixed axles; see `test_truck`."""
     truck = with_axle(keys)
     truck = truck.replace(of_groups(truck, "relaxation_length"))
     run = Plant(truck, NO_RESISTANCE).drive(sine(0.004))
-    for tyres, limit in (("linear", 0.13), ("saturating", 0.08)):
-        predicted = response(truck, run, tyres=tyres)
-        for name in OUTPUTS[:-1]:
-            error = np.sqrt(np.mean((predicted[name] - run.truth[name]) ** 2) / np.mean(run.truth[name] ** 2))
-            assert error < limit, (tyres, name, error)
+    predicted = response(truck, run, tyres=tyres)
+    for name in OUTPUTS[:-1]:
+        error = np.sqrt(np.mean((predicted[name] - run.truth[name]) ** 2) / np.mean(run.truth[name] ** 2))
+        assert error < limit, (name, error)
 
 
+@pytest.mark.slow
 def test_a_castor_axle_amplifies_a_lane_change():
     course = lane_changes(count=1, speed=20.0)
     fixed, castor = (Plant(with_axle(keys)).drive(course).truth for keys in ({}, SELF_STEERING))

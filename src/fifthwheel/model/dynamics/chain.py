@@ -164,16 +164,20 @@ def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     return [i for i, name in enumerate(names) if SignalName.of(name).quantity in GENERALISED_VELOCITIES]
 
 
-def coupling_moments(p: Expressions, vehicle: Vehicle, motion: Motion) -> ca.SX:
-    """Generalised forces (m,) of the roll moments of all couplings, N m; with roll."""
+def coupling_moments(p: Expressions, vehicle: Vehicle, motion: Motion, *, roll: bool) -> ca.SX:
+    """Generalised forces (m,) of the yaw moments of all couplings, and with roll of their roll moments, N m."""
     n = len(vehicle.units)
-    force = ca.SX(1 + 2 * n, 1)
+    force = ca.SX(1 + (2 if roll else 1) * n, 1)
     for i, coupling in enumerate(vehicle.couplings):
-        twist, rate = motion.roll[i + 1] - motion.roll[i], motion.roll_rate[i + 1] - motion.roll_rate[i]
-        moment = p[f"{coupling.name}.roll_stiffness"] * twist + p[f"{coupling.name}.roll_damping"] * rate
-        front = 1 + n + i
-        force[front] += moment
-        force[front + 1] -= moment
+        twists = [("yaw", 1 + i, motion.articulation[i + 1], motion.r[i + 1] - motion.r[i])]
+        if roll:
+            angle, rate = motion.roll[i + 1] - motion.roll[i], motion.roll_rate[i + 1] - motion.roll_rate[i]
+            twists.append(("roll", 1 + n + i, angle, rate))
+        for axis, front, angle, rate in twists:
+            stiffness, damping = (p.get(f"{coupling.name}.{axis}_{key}", ca.SX(0)) for key in ("stiffness", "damping"))
+            moment = stiffness * angle + damping * rate
+            force[front] += moment
+            force[front + 1] -= moment
     return force
 
 
@@ -230,8 +234,7 @@ def equations(
             force -= ca.jacobian(along + beside[i][0], w).T * (p[f"{unit.name}.mass"] * pull)
         # a_i = J_i w' + u r_1 - u' (psi_i - psi_1): v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
         force += J.T @ (applied - inertia[:, 0] * (u * motion.r[0] - rate * motion.heading[i] + GRAVITY * motion.bank))
-    if roll:
-        force += coupling_moments(p, vehicle, motion)
+    force += coupling_moments(p, vehicle, motion, roll=roll)
     right |= {names[index]: force[row] for row, index in enumerate(velocities)}
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)

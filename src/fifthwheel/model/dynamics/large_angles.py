@@ -141,8 +141,7 @@ def large_angles(
             on_coupling = p[f"{unit.name}.mass"] - sum(p[f"{path}.static_load"] for path in of_unit) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
             brakes_behind += sum((longitudinal[path].braking for path in of_unit), ca.SX(0))
-    if roll:
-        force += chain.coupling_moments(p, vehicle, motion)
+    force += chain.coupling_moments(p, vehicle, motion, roll=roll)
     arms = _coupling_arms(p, vehicle)
     by_pull = _by_load(arms, tyres, force)
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_pull)))

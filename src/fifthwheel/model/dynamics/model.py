@@ -5,7 +5,7 @@ previous sample to this one. The step is the Taylor series of the exact solution
 within `simulation.StepLimit`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from fifthwheel.model.dynamics import chain, sensors, tyres
 from fifthwheel.model.dynamics import steering as steered
 from fifthwheel.model.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.model.dynamics.steering import PLAY, SteeringSlopes, Wheels, steer_parameters, true_angles
-from fifthwheel.model.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
+from fifthwheel.model.dynamics.symbolic import Expressions, Stages, exponential_step, taylor, transition_matrix
 from fifthwheel.model.dynamics.tyres import (
     NO_CHANGE,
     Tyres,
@@ -31,9 +31,6 @@ from fifthwheel.model.dynamics.tyres import (
 from fifthwheel.model.dynamics.unit_equations import BANK, Motion, slip_angles
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING
-
-ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
-"""Order of the Taylor series, by (with roll, with relaxation lengths): one step per 10 ms up to motorway speeds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +47,7 @@ class ChainModel:
     extended: bool  # whether it has the parameters of `extension_parameters`
     tyres: Tyres  # not linear: with the parameters of `tyres.saturation_parameters`
     braking: bool  # whether `SPEED_RATE` is an input
+    long_steps: bool  # by `exponential_step`
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
 
@@ -76,7 +74,7 @@ class ChainModel:
     @lazy
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        laws = self.bank, self.extended, tyres.law_identity(self.tyres), self.braking
+        laws = self.bank, self.extended, tyres.law_identity(self.tyres), self.braking, self.long_steps
         own = own_channels(self.outputs)  # no plain values: the step is built in every process
         return topology(self.vehicle), self.outputs, self.roll, self.free, *laws, own
 
@@ -89,18 +87,25 @@ class ChainModel:
     def transition(self) -> ca.Function:
         """(x, dt, d, p, c) -> x+, the state dt seconds later; equations (2) and (3) of Cheng and Cebon (2011)."""
         s, m = self._symbols, self._motion
+        if self.long_steps:
+            x, steer = ca.SX.sym("x", s.x.shape[0]), ca.SX.sym("steer", s.steering.start.shape[0])
+            others = s.dt, s.d, s.p, s.c
+            rate = ca.Function("rate", [x, steer, *others], [m.rate(x, steer)])  # built once, called at four places
+            ends = s.steering.start, s.steering.end
+            later = exponential_step(lambda x, d: rate(x, d, *others), s.x, self._decay, *ends, s.duration)
+            return s.step("transition", later, "x_next")
         change = m.B @ (s.steering.end - s.steering.start)
-        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self.order), "x_next")
+        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration), "x_next")
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
         s = self._symbols
-        return s.step("state_jacobian", transition_matrix(self._motion.A * s.duration, self.order), "F")
+        return s.step("state_jacobian", transition_matrix(self._motion.A * s.duration), "F")
 
     @lazy
     def exponent(self) -> ca.Function:
-        """(x, dt, d, p, c) -> M (n, n), of which `state_jacobian` is the `transition_matrix` of the model's order."""
+        """(x, dt, d, p, c) -> M (n, n), of which `state_jacobian` is the `transition_matrix`."""
         s = self._symbols
         return s.step("exponent", self._motion.A * s.duration, "M")
 
@@ -142,6 +147,17 @@ class ChainModel:
         return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p), "H_p")
 
     @lazy
+    def observation_gradients(self) -> ca.Function:
+        """(x, d, p, c) -> dy/d[x, p], in which no derivative is neglected"""
+        s, by = self._symbols, ca.vertcat(self._symbols.x, self._symbols.p)
+        if self.tyres == "linear":
+            rows = [self._motion.stages.gradient(y, by).T for y in ca.vertsplit(self._y)]
+            return s.instant("observation_gradients", ca.vertcat(*rows), "gradients")
+        # second derivatives of tyres that saturate have more operations than the adjoint method saves
+        y = self._motion.stages.expanded(self._y)
+        return s.instant("observation_gradients", ca.jacobian(y, by), "gradients")
+
+    @lazy
     def _symbols(self) -> "_Symbols":
         return _symbols(self)
 
@@ -155,9 +171,13 @@ class ChainModel:
         return ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(self._motion.sensed, name) for name in self.outputs])
 
     @property
-    def order(self) -> int:
-        """Order of the Taylor series of a step."""
-        return ORDER[self.roll, bool(chain.relaxation_groups(self.vehicle))]
+    def _decay(self) -> ca.SX:
+        """Rate at which each state lags (n,), 1/s: that of the side forces behind their slip angles."""
+        decay, speed, k = ca.SX.zeros(len(self.states)), self._symbols.inputs, len(self.inputs)
+        for path in chain.relaxation_groups(self.vehicle):
+            length = self._symbols.value[f"{path}.relaxation_length"]
+            decay[self.states.index(f"slip_angle.{path}")] = (speed[0] + speed[k]) / 2 / length
+        return decay
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name, SI."""
@@ -242,6 +262,7 @@ def model(
     extended: bool = False,
     tyres: Tyres = "linear",
     braking: bool = False,
+    long_steps: bool = False,
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
 
@@ -254,6 +275,8 @@ def model(
         extended: whether the model has the parameters of `extension_parameters`.
         tyres: law of their side forces, also a user's own, see `model.dynamics.tyres`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`; without it, the speed changes slowly.
+        long_steps: whether a step may last several times as long, by `exponential_step`. Such a model has no
+            `state_jacobian`.
 
     Raises:
         SignalError: the vehicle or the yaw-only model does not have an output.
@@ -270,6 +293,7 @@ def model(
         extended=extended,
         tyres=tyres,
         braking=braking,
+        long_steps=long_steps,
         outputs=tuple(outputs),
         free=tuple(free),
     )
@@ -296,7 +320,8 @@ class _Motion(NamedTuple):
 
     A: ca.SX  # (n, n)
     B: ca.SX  # (n, m)
-    rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
+    rate: Callable[[ca.SX, ca.SX], ca.SX]  # x' (n,) of a state and steer angles (m,), with the mean speed
+    rates: tuple[ca.SX, ca.SX]  # at the beginning and at the end (n,)
     staged_rates: tuple[ca.SX, ca.SX]  # the same with variables of stages, for derivatives
     rate_stages: Stages
     sensed: sensors.SensorInputs
@@ -364,11 +389,11 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
 
 
 def _softening(
-    model: ChainModel, s: _Symbols, speed: ca.SX, steer: Expressions
+    model: ChainModel, s: _Symbols, state: ca.SX, speed: ca.SX, steer: Expressions
 ) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
     """Factors of the cornering stiffnesses by name; all parameters with them."""
     value = s.value
-    motion = Motion.of(value, model.vehicle, _by_name(model, s.x), speed)
+    motion = Motion.of(value, model.vehicle, _by_name(model, state), speed)
     slips = slip_angles(value, model.vehicle, motion, steer)
     factors = {
         f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
@@ -383,7 +408,7 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     now = s.inputs[k]
     angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
     wheels = chain.linear_wheels(s.value, vehicle, _by_name(model, s.x), now, angles)
-    factors, softened = _softening(model, s, now, wheels)
+    factors, softened = _softening(model, s, s.x, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
     mean, change, latest = (s.inputs[0] + now) / 2, None, None
     if model.braking:
@@ -404,10 +429,19 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
         stages=stages,
         change=latest,
     )
+
+    def rate(state: ca.SX, steer: ca.SX) -> ca.SX:
+        """With the softening there."""
+        at = chain.linear_wheels(s.value, vehicle, _by_name(model, state), mean, steer)
+        factors, _ = _softening(model, s, state, mean, at)
+        there = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
+        F, G = there.state_space(mean, change)
+        return F @ state + G @ steer
+
     rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
     first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages, change)
     last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages, change)
-    return _Motion(A, B, rates, (first, last), rate_stages, sensed, stages)
+    return _Motion(A, B, rate, rates, (first, last), rate_stages, sensed, stages)
 
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
@@ -427,10 +461,10 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
     mean, change = (d[0] + d[k]) / 2, (earlier + latest) / 2
-    before, after = wheels(s.x, mean, steering.start), wheels(s.later, mean, steering.end)
+    before = wheels(s.x, mean, steering.start)
     angles = ca.SX.sym("angles", len(before.angles))
     symbols = dict(zip(before.angles, ca.vertsplit(angles), strict=True)) if before.angles else {}
-    begin, end = motion(s.x, mean, symbols, change), motion(s.later, mean, after.angles, change)
+    begin = motion(s.x, mean, symbols, change)
     slopes = begin.stages.jacobian(begin.rates, ca.vertcat(s.x, angles))
     A, B, first = (
         ca.substitute(matrix, angles, before.stacked)
@@ -455,8 +489,14 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates + last.rates, steering.rate)),
         ahead=now.stages.ahead(s.x, now.rates + last.rates),
     )
-    rates = first + before.rates, end.stages.expanded(end.rates) + after.rates
-    return _Motion(A, B, rates, rates, Stages(), sensed, now.stages)
+
+    def rate(state: ca.SX, steer: ca.SX) -> ca.SX:
+        at = wheels(state, mean, steer)
+        moving = motion(state, mean, at.angles, change)
+        return moving.stages.expanded(moving.rates) + at.rates
+
+    rates = first + before.rates, rate(s.later, steering.end)
+    return _Motion(A, B, rate, rates, rates, Stages(), sensed, now.stages)
 
 
 def _by_name(model: ChainModel, x: ca.SX) -> dict[str, ca.SX]:

@@ -156,7 +156,7 @@ def sensor_inputs(
         roll=roll,
         states=states,
         rate_of=stages.rate(ca.vertcat(x, turning[0]), ca.vertcat(staged, turning[1])),
-        ahead=stages.ahead(x, rate),
+        ahead=stages.ahead(x, rate, staged),
     )
 
 

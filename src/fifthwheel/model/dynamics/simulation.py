@@ -13,18 +13,20 @@ from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.chain import relaxation_groups
-from fifthwheel.model.dynamics.state_space import matrices
+from fifthwheel.model.dynamics.state_space import matrices_of_variants
+from fifthwheel.model.dynamics.symbolic import LARGEST_LAG
 from fifthwheel.truck import Vehicle
 
-MAX_STEP_EIGENVALUE = {(False, False): 0.11, (False, True): 0.76, (True, False): 0.45, (True, True): 0.88}
-"""Largest product of the step and the magnitude of the fastest eigenvalue, by (with roll, with relaxation lengths).
+MAX_STEP_EIGENVALUE = 0.72
+"""Largest product of the step and the magnitude of the fastest eigenvalue.
 
-The error of a step is then below 1e-6 of the largest state. That limit is reached at 0.121, 0.78, 0.469 and 0.90, as
-measured with the catalogue's vehicles and two trains of three units at 3 to 35 m/s, with relaxation lengths of 0.1 to
-0.8 m on all groups or on some, for 400 random states and steer angles each. The values differ because the order of the
-series differs (`model.ORDER`), and because the matrices of the yaw model and of models with relaxation lengths are
-strongly non-normal. `StepLimit` applies `MARGIN` in addition.
+The error of a step is then below 1e-6 of the largest state. It is reached at 0.74 without and 0.92 with roll, as
+measured with the catalogue's vehicles and trains of three units at 3 to 35 m/s, with relaxation lengths of 0 to 0.8 m
+on all groups or on some, for 40 random states and steer angles each. `StepLimit` applies `MARGIN` in addition.
 """
+MAX_LONG_STEP_EIGENVALUE = 2.0
+"""The same of a long step (`symbolic.exponential_step`) without relaxation lengths. It is a limit of stability (2.8 for
+oscillations): a mode that fast is hardly excited, and `step_rows` shortens steps where the steering changes fast."""
 
 MARGIN = 1.25
 """Factor by which the fastest eigenvalue may grow while parameters are estimated."""
@@ -39,15 +41,20 @@ SPEEDS = np.geomspace(1.0, 60.0, 32)
 class StepLimit:
     """The longest step of a vehicle's model as a function of speed."""
 
-    def __init__(self, vehicle: Vehicle, *, roll: bool) -> None:
-        self.vehicle, self.roll = vehicle, roll
+    def __init__(self, vehicle: Vehicle, *, roll: bool, long_steps: bool = False) -> None:
+        self.vehicle, self.roll, self.long_steps = vehicle, roll, long_steps
 
     @lazy
     def longest(self) -> Array:
         """Longest step at each of `SPEEDS`, s."""
-        fastest = [np.abs(np.linalg.eigvals(matrices(self.vehicle, u, roll=self.roll).A)).max() for u in SPEEDS]
-        limit = MAX_STEP_EIGENVALUE[self.roll, bool(relaxation_groups(self.vehicle))]
-        return np.asarray(limit / (MARGIN * np.array(fastest)))
+        vehicle, limit, lags = self.vehicle, MAX_STEP_EIGENVALUE, np.zeros(1)
+        if self.long_steps:
+            paths = [f"{path}.relaxation_length" for path in relaxation_groups(vehicle)]
+            lags = np.array([0.0, *[1 / vehicle.parameters()[path] for path in paths]])
+            vehicle, limit = vehicle.replace(dict.fromkeys(paths, 0.0)), MAX_LONG_STEP_EIGENVALUE
+        m = matrices_of_variants(vehicle, SPEEDS, list(vehicle.parameters().values()), roll=self.roll)
+        fastest = np.abs(np.linalg.eigvals(m.A)).max(axis=1)
+        return np.asarray(1 / (MARGIN * np.maximum(fastest / limit, lags.max() * SPEEDS / LARGEST_LAG)))
 
     @lazy
     def safe_step_by_speed(self) -> list[float]:
@@ -72,9 +79,9 @@ class StepLimit:
 
 
 @functools.lru_cache(64)
-def step_limit(vehicle: Vehicle, roll: bool) -> StepLimit:
+def step_limit(vehicle: Vehicle, roll: bool, long_steps: bool = False) -> StepLimit:
     """`StepLimit`, cached."""
-    return StepLimit(vehicle, roll=roll)
+    return StepLimit(vehicle, roll=roll, long_steps=long_steps)
 
 
 def step_counts(gap: Array, limit: Array) -> NDArray[np.int64]:
@@ -136,7 +143,7 @@ def free_response(
     """
     columns = input_columns(inputs, model.inputs)
     vehicle = model.vehicle.replace({name: values[name] for name in model.vehicle.parameters()})
-    limit = step_limit(vehicle, model.roll)(columns[:, 0])
+    limit = step_limit(vehicle, model.roll, model.long_steps)(columns[:, 0])
     fine, columns, indices = subdivide(time, columns, limit)
     dt, d = step_inputs(fine, columns)
     start = np.zeros(len(model.states)) if x0 is None else x0

@@ -55,13 +55,13 @@ class Matrices:
 
 @compiled(Scan)
 def _function(structure: ChainModel) -> ca.Function:
-    """sample = speed; constant = parameters of the vehicle; output = [E, F, G, A, B], by columns. There is no carry."""
+    """sample = [speed, parameters of the vehicle]; output = [E, F, G, A, B], by columns. There is no carry."""
     vehicle, roll, bank = structure.vehicle, structure.roll, structure.bank
     names = tuple(vehicle.parameters())
-    nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
+    nothing, u, p = ca.SX(0, 1), ca.SX.sym("u"), ca.SX.sym("p", len(names))
     equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
     outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), *equations.implicit(u), *equations.state_space(u))]
-    return ca.Function("matrices", [nothing, u, p], [nothing, ca.vertcat(*outputs)])
+    return ca.Function("matrices", [nothing, ca.vertcat(u, p), nothing], [nothing, ca.vertcat(*outputs)])
 
 
 def matrices(
@@ -80,23 +80,25 @@ def matrices(
         VehicleError: the speed is not positive.
     """
     values = vehicle.parameters() | dict(changed or {})
-    m = matrices_of_variants(vehicle, speed, np.array([list(values.values())]), roll=roll, bank=bank)
+    m = matrices_of_variants(vehicle, [speed], [list(values.values())], roll=roll, bank=bank)
     return Matrices(states=m.states, E=m.E[0], F=m.F[0], G=m.G[0], A=m.A[0], B=m.B[0])
 
 
 def matrices_of_variants(
-    vehicle: Vehicle, speed: float, parameters: Array, *, roll: bool, bank: bool = False
+    vehicle: Vehicle, speeds: ArrayLike, parameters: ArrayLike, *, roll: bool, bank: bool = False
 ) -> Matrices:
-    """Matrices of N vehicles with the parameters (N, n_p), in the order of those of `vehicle`; else as `matrices`."""
-    if not speed > 0:
-        raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
-    states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
-    n, scan = len(states), _function(model(vehicle, (), roll=roll, bank=bank))
-    nothing, sample = np.zeros(0), np.array([[speed]])
-    output = np.concatenate([scan(nothing, sample, p)[1] for p in parameters])
+    """Matrices at N speeds, m/s, of vehicles with the parameters (N, n_p) or (n_p,), in the order of those of
+    `vehicle`; else as `matrices`."""
+    u, p = np.reshape(speeds, (-1, 1)), np.asarray(parameters)
+    if not (u > 0).all():
+        raise VehicleError(f"speed: expected above 0 m/s, got {u.min():g}; the slip angle needs a rolling wheel")
+    structure = model(vehicle, (), roll=roll, bank=bank)
+    sample = np.hstack([u, np.broadcast_to(p, (len(u), p.shape[-1]))])
+    _, output = _function(structure)(np.zeros(0), sample, np.zeros(0))
+    n, k = len(structure.states), len(vehicle.steer_signals())
     parts = np.split(output, np.cumsum([n * n, n * n, n * k, n * n]), axis=1)
-    E, F, G, A, B = (part.reshape(len(parameters), -1, n).transpose(0, 2, 1) for part in parts)
-    return Matrices(states=states, E=E, F=F, G=G, A=A, B=B)
+    E, F, G, A, B = (part.reshape(len(output), -1, n).transpose(0, 2, 1) for part in parts)
+    return Matrices(states=structure.states, E=E, F=F, G=G, A=A, B=B)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,9 +135,14 @@ def is_stable(vehicle: Vehicle, speed: float, *, roll: bool = True) -> bool:
     return slowest_decay(vehicle, speed, roll=roll) > 0
 
 
-def slowest_decay(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float:
-    """Rate at which the slowest mode decays at a speed, m/s, with fixed straight wheels, 1/s; negative if it grows."""
-    return -float(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max())
+def slowest_decay(
+    vehicle: Vehicle, *speeds: float, roll: bool = True, changed: Mapping[str, float] | None = None
+) -> float:
+    """Rate at which the slowest mode decays at any of the speeds, m/s, with fixed straight wheels, 1/s; negative if it
+    grows. `roll` and `changed` as in `matrices`."""
+    values = vehicle.parameters() | dict(changed or {})
+    m = matrices_of_variants(vehicle, speeds, list(values.values()), roll=roll)
+    return -float(np.linalg.eigvals(m.A).real.max())
 
 
 def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:

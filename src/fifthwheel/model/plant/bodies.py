@@ -2,10 +2,10 @@
 
 In the model, units are behind couplings, axles below units, wheels on axles. The first unit has six degrees of freedom.
 The frame of a unit has the origin of the vehicle file and lies on the ground. A coupling rotates in pitch, roll (with
-the spring K_12) and yaw; a turntable does not pitch, and the hinged drawbar in front of it lets the eye move up and
-down on the dolly. An axle moves along the vertical axis of its body and rolls about the roll centre of its suspension;
-its wheels spin. A raised axle is fixed to its body. The forces of tyres, air and road come from outside, see
-tyre_forces.py.
+the spring K_12) and yaw (with a spring and damper if it has them); a turntable does not pitch, and the hinged drawbar
+in front of it lets the eye move up and down on the dolly. An axle moves along the vertical axis of its body and rolls
+about the roll centre of its suspension; its wheels spin. A raised axle is fixed to its body. The forces of tyres, air
+and road come from outside, see tyre_forces.py.
 """
 
 import math
@@ -233,7 +233,8 @@ def _add_coupling(body: Xml.Element, coupling: Coupling, *, is_hinged: bool) -> 
     if coupling.pitches:
         _add_hinge(body, f"{coupling.name}.pitch", "0 1 0", position)
     _add_hinge(body, f"{coupling.name}.roll", "1 0 0", position, coupling.roll_stiffness, coupling.roll_damping)
-    _add_hinge(body, f"{coupling.name}.yaw", "0 0 1", position)
+    of_yaw = coupling.yaw_stiffness or 0.0, coupling.yaw_damping or 0.0
+    _add_hinge(body, f"{coupling.name}.yaw", "0 0 1", position, *of_yaw)
 
 
 def _add_axle(parent: Xml.Element, axle: BeamAxle, properties: Properties) -> None:
