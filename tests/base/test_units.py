@@ -141,6 +141,7 @@ def test_a_text_that_is_not_a_unit_is_refused(text: str) -> None:
             quantity(f"1 {text}", "m")
 
 
+@pytest.mark.slow
 @given(st.text(max_size=60))
 def test_any_text_is_a_unit_or_refused(text: str) -> None:
     if is_unit(text):

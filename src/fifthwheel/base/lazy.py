@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-_PROJECTS = {"can": "python-can", "PIL": "pillow"}
+_PROJECTS = {"can": "python-can", "mcap_ros2": "mcap-ros2-support", "PIL": "pillow"}
 """What pip installs for a package with another name."""
 
 

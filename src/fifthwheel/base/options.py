@@ -182,6 +182,7 @@ class TruckOptions(Settings):
             label="Front axle to the kingpin; leave it empty if you have a laden and a solo slip",
         ),
     ] = None
+    fifth_wheel_height: Annotated[str | None, Option(help="Height of the fifth wheel above the ground.")] = None
     trailer_wheelbase: Annotated[str | None, Option(help="Kingpin to the middle of the trailer's axles.")] = None
     trailer_spread: Annotated[
         str | None,
@@ -194,7 +195,7 @@ class TruckOptions(Settings):
         str | None,
         Option(
             help="Weighbridge slip of the laden truck: front, drive and trailer axles, kg.",
-            label="Slip of the laden truck: front, drive and trailer axles, kg, such as 6850 10500 22500",
+            label="Slip of the laden truck: front, drive and trailer axles, kg",
         ),
     ] = None
     solo: Annotated[str | None, Option(help="Slip of the tractor alone: front and drive axles, kg.")] = None
@@ -312,7 +313,13 @@ class LiveOptions(Settings):
     dbc: Annotated[Path, Option(help="DBC of the frames, written with --send.")] = Path("fifthwheel-live.dbc")
     record: Annotated[
         Path | None,
-        Option(help="Record the states to a .parquet or .mcap file. The name may contain the time: %Y-%m-%d-%H%M%S."),
+        Option(help="Record the states to a .parquet file. The name may contain the time: %Y-%m-%d-%H%M%S."),
+    ] = None
+    mcap: Annotated[
+        Path | None,
+        Option(
+            help="Write velocity and articulation as ROS 2 messages to an .mcap file, whose name may contain the time."
+        ),
     ] = None
     page: Annotated[
         str | None, Option(help="Port of the page, for this computer only, such as 8080; or HOST:PORT.")

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.base.native import AdjointScan, DirectionScan
+from fifthwheel.base.native import AdjointScan, DirectionScan, GradientScan
 
 
 def with_directions() -> ca.Function:
@@ -23,6 +23,7 @@ def with_directions() -> ca.Function:
     return ca.Function("pendulum", arguments, [ca.densify(r) for r in (later, output, dots[:2], dots[2:])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("samples", "directions", "threads"), [(0, 8, 1), (1, 0, 1), (1, 8, 3), (150, 1, 3), (150, 19, 1), (150, 19, 3)]
 )
@@ -111,6 +112,38 @@ def test_the_reverse_mode_agrees_with_the_interpreter(samples: int, directions: 
         state, slopes = np.append(later.ravel(), state[4] + 1), (of_later @ both).T
     np.testing.assert_allclose(actual.carry, state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(actual.carry_dot, slopes, rtol=1e-6, atol=1e-6)
+
+
+def weighed() -> ca.Function:
+    """The gradient of a function of the errors of the pendulum by [position, speed, discrepancies, constants]."""
+    carry, sample, k = symbols()
+    later, _, discrepancy, error = plain(carry, sample, k)
+    gradient, seed, moving = ca.SX.sym("gradient", 6), ca.SX.sym("seed", 2), ca.vertcat(later, discrepancy)
+    before = ca.jtimes(ca.vertcat(moving, error), ca.vertcat(carry[:4], k[:2]), ca.vertcat(gradient[:4], seed), True)
+    arguments = [carry, ca.vertcat(sample, seed), k, gradient, ca.SX.sym("nothing", 0)]
+    results = [ca.vertcat(moving, carry[4] + 1), error, before + ca.vertcat(ca.SX(4, 1), gradient[4:]), ca.SX(0, 1)]
+    return ca.Function("pendulum", arguments, [ca.densify(result) for result in results])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [0, 1, 64, 150])
+def test_a_gradient_is_that_of_the_whole_record(samples: int) -> None:
+    carry, sample, constant, *_ = random_arguments(samples, 0)
+    start, _, k = symbols()
+    state, total = start, ca.SX(0)
+    for row in sample:
+        later, _, discrepancy, error = plain(state, ca.SX(row), k)
+        state, total = ca.vertcat(later, discrepancy, state[4]), total + ca.sum1(ca.sin(error))
+    expected = ca.Function("total", [start, k], [ca.gradient(total, ca.vertcat(start[:4], k[:2]))])(carry, constant)
+    before = carry.copy(), sample.copy()
+    scan = GradientScan(weighed())
+    for each in (scan, pickle.loads(pickle.dumps(scan))):
+        actual = each(carry, sample, constant, np.cos)
+        np.testing.assert_allclose(actual, np.array(expected).ravel(), rtol=1e-9, atol=1e-9)
+    for array, same in zip((carry, sample), before, strict=True):
+        np.testing.assert_array_equal(array, same)
+    with pytest.raises(TypeError, match="pendulum: expected an array of shape"):
+        scan(carry[:1], sample, constant, np.cos)
 
 
 ONES = (np.ones(2), np.ones((5, 2)), np.ones(3), *np.ones((2, 3, 2)))

@@ -334,6 +334,7 @@ def test_a_copy_gives_the_same(name: str) -> None:
             np.testing.assert_array_equal(actual, values)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_process_forked_while_another_thread_compiles() -> None:
     """The child compiles too, in the foreground and in the background."""

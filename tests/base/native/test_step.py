@@ -107,6 +107,7 @@ def test_the_source_of_a_step_is_what_its_builder_imports() -> None:
     assert not any(name.startswith(("results", "apps", "estimate/identify", "data/logs")) for name in files)
 
 
+@pytest.mark.slow
 def test_a_comment_elsewhere_compiles_nothing(tmp_path: Path) -> None:
     """In a copy of the package: a change of a module that the builder imports builds the step, another does not."""
     copy = tmp_path / "fifthwheel"

@@ -126,6 +126,7 @@ def test_a_drawing_to_scale():
     assert axes.get_aspect() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_the_same_plot_is_the_same_file(tmp_path, suffix, start):
     first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"

@@ -1,5 +1,6 @@
 """`fw.assess`: measures, thresholds, what it refuses."""
 
+import importlib
 import json
 from dataclasses import replace
 
@@ -8,9 +9,12 @@ from scipy.stats import norm
 
 import fifthwheel as fw
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.results.assess import longitudinal, rollover
 from fifthwheel.results.assess.assessment import display_unit
 from fifthwheel.results.assess.measures import MEASURES, STOP, TRACKING, title
 from tests.results.assess.trucks import ENGINE
+
+pytestmark = pytest.mark.slow
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 EXACT = TRUCK.with_stated(dict.fromkeys(TRUCK.parameters(), 0.0))
@@ -90,18 +94,26 @@ def test_it_does_not_depend_on_a_truck_without_a_solution():
         fast["rearward_amplification_peak"]
 
 
-def test_what_is_not_stated_is_named():
+def only(monkeypatch, *families):
+    """Assess only some measures."""
+    module = importlib.import_module("fifthwheel.results.assess.assessment")
+    monkeypatch.setattr(module, "FAMILIES", families)
+
+
+def test_what_is_not_stated_is_named(monkeypatch):
     notes = fw.assess(EXACT, nonlinear=False, changes={"driveline.lowest_gear": 11.7}).notes
     body, engine = (note for note in notes if note.startswith("Not assessed"))
     assert body.endswith("state semitrailer.front_overhang, rear_overhang by body")
     assert "startability, gradeability, speed on a grade of 1 % and time for 100 m from rest" in engine
     assert "driveline.launch_torque, driveline.final_drive" in engine
     assert "lowest_gear" not in engine
+    only(monkeypatch, longitudinal.measure)
     known = fw.assess(EXACT, nonlinear=False, changes={path: ENGINE[path] for path in list(ENGINE)[3:]})
     assert {"startability"} == {m.name for m in known} & {"startability", "gradeability", "grade_speed"}
 
 
-def test_the_driveline_brings_its_uncertainty():
+def test_the_driveline_brings_its_uncertainty(monkeypatch):
+    only(monkeypatch, longitudinal.measure, rollover.measure)
     assessment = fw.assess(EXACT, changes=ENGINE, nonlinear=False)
     assert any("startability" in note and "limited by" in note for note in assessment.notes)
     assert assessment.uncertain["driveline.efficiency"] == 0.01

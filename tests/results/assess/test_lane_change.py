@@ -65,6 +65,7 @@ def test_the_peak_of_the_frequency_response(speed):
     assert measure_peak(truck)["rearward_amplification_peak"] == pytest.approx(peak, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_rear_set_is_weighted_by_the_moments_of_its_sprung_masses(name):
     """By the response over time, and with the moments m h of body and payload added up part by part."""

@@ -18,6 +18,7 @@ def test_a_drawbar_is_no_part_of_the_body_of_a_dolly():
     assert [front for _, front in truck.ends()] == [1.4, 0.0, dolly.axles[0].position, 0.0]
 
 
+@pytest.mark.slow
 def test_a_short_full_trailer_amplifies_most():
     """In the order that is known: tractor-semitrailer, B-double, A-double and truck with dolly, truck and trailer."""
     names = ("cheng_cebon_2011", "b_double", "a_double", "truck_full_trailer")

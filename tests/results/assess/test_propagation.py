@@ -105,6 +105,7 @@ def test_a_replaced_parameter_keeps_only_its_own_sigma():
     assert np.sqrt(np.diag(uncertainty.covariance)) == pytest.approx([0.01, 0.03])
 
 
+@pytest.mark.slow
 def test_an_identification_gives_its_joint_covariance(result):
     identification = result.identification
     uncertainty = of_identification(identification)

@@ -27,6 +27,7 @@ def test_the_road_has_the_roughness_index_of_the_standard() -> None:
     assert 32e-6 < nonlinear.ROUGHNESS < 128e-6
 
 
+@pytest.mark.slow
 def test_the_mean_positions_sweep_the_width_of_the_linear_model() -> None:
     pytest.importorskip("mujoco")
     truck = Truck(vehicle=TRUCK, speed=nonlinear.TRACKING_SPEED)
@@ -37,13 +38,13 @@ def test_the_mean_positions_sweep_the_width_of_the_linear_model() -> None:
 
 @pytest.mark.slow
 def test_other_roads_of_this_roughness_add_nearly_the_same() -> None:
-    """Standard deviation of the added width of three roads below 3 mm; all units on average as in the linear model."""
+    """The added widths of two roads differ by less than 6 mm; all units on average as in the linear model."""
     pytest.importorskip("mujoco")
     truck = Truck(vehicle=fw.vehicle("truck_full_trailer"), speed=nonlinear.TRACKING_SPEED)
-    widths = [nonlinear.straight_path(truck, seed) for seed in range(3)]
+    widths = [nonlinear.straight_path(truck, seed) for seed in range(2)]
     linear = steady_motion.measure_straight_path(truck)[STRAIGHT]
-    assert [w[STRAIGHT] for w in widths] == pytest.approx([linear] * 3, abs=1e-3)
-    assert np.std([w[TRACKING] for w in widths]) < 0.003
+    assert [w[STRAIGHT] for w in widths] == pytest.approx([linear] * 2, abs=1e-3)
+    assert np.ptp([w[TRACKING] for w in widths]) < 0.006
 
 
 @pytest.fixture
@@ -77,6 +78,7 @@ def test_a_truck_that_is_unstable_at_its_speed_has_none() -> None:
     assert any("unstable at 108 km/h" in note for note in assessment.notes)
 
 
+@pytest.mark.slow
 def test_the_truck_holds_the_deceleration_of_the_stop() -> None:
     """0.39 to 0.42 g between 50 and 28 km/h; then it falls, and the stop ends at 10 km/h."""
     pytest.importorskip("mujoco")
@@ -88,12 +90,12 @@ def test_the_truck_holds_the_deceleration_of_the_stop() -> None:
     assert speed.min() < nonlinear.STOPPED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "brakes", "group"),
     [
         ("truck_full_trailer", {}, "trailer"),
         ("cheng_cebon_2011", {"tractor.front": 0.1, "tractor.drive": 0.5, "semitrailer": 0.4}, "tractor.drive"),
-        ("cheng_cebon_2011", {"tractor.front": 0.2, "tractor.drive": 0.2, "semitrailer": 0.6}, "semitrailer"),
     ],
 )
 def test_the_wheels_lock_that_need_more_friction_than_there_is(name: str, brakes: dict[str, float], group: str) -> None:
@@ -112,6 +114,7 @@ def test_the_wheels_lock_that_need_more_friction_than_there_is(name: str, brakes
     assert locked[0] == group
 
 
+@pytest.mark.slow
 def test_a_truck_that_jackknifes_has_no_width() -> None:
     """All brakes on the drive axle, whose wheels lock on a dry road too."""
     pytest.importorskip("mujoco")

@@ -240,7 +240,7 @@ def test_causes_in_words(result, sign):
         ),
         (
             replace(cause({sensitivity: sign * 0.16}), prior_mean=0.2),
-            f"{sensitivity} is 1.8 times the value of the vehicle file ({times})"
+            f"{sensitivity} is 1.8 times its prior value ({times})"
             if later
             else "the stiffness of the tyres hardly depends on their load, as in simulations with linear tyres: "
             f'there use tyres="linear" ({times})',

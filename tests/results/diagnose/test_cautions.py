@@ -65,7 +65,7 @@ def test_an_estimate_far_from_the_vehicle_file(result):
     )
     assert caution.parameters == (first.name,)
     assert caution.value == pytest.approx(2.8)
-    assert "2.8 times the value of the vehicle file; ±30 % was assumed" in caution.message
+    assert "2.8 times its prior value, whose sigma is ±30 %" in caution.message
 
 
 @pytest.mark.parametrize(

@@ -213,7 +213,7 @@ def test_the_differences_of_equal_trucks_have_their_sigma():
     truck, name = get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
     others = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
     settings = OneStage(given={**others, name: "free"}, tyres="linear")
-    runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(12)]
+    runs = [identify([simulate(truck, count=1, seed=k, rate=50.0)], truck, settings) for k in range(12)]
     found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
     variation = quantity_of(f"{name}.variation").sigma * truck.parameters()[name]

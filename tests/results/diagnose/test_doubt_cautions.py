@@ -79,7 +79,7 @@ def test_the_described_change_is_the_implied_one(case, name, deviation):
     size, unit = number(text)
     path = next(iter(given))
     change = changed[path] - given[path]
-    if text.partition(f"{unit} ")[2].startswith("the value of the vehicle file"):
+    if text.partition(f"{unit} ")[2].startswith("its prior value"):
         assert abs(change) > 0.5 * given[path]
         wanted = changed[path] / given[path]
     elif unit == "%":
@@ -104,7 +104,7 @@ def test_the_described_change_is_the_implied_one(case, name, deviation):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(-0.6, "0.40 times the value of the vehicle file"), (1.5, "2.5 times the value"), (-0.5, "50 % smaller")],
+    [(-0.6, "0.40 times its prior value"), (1.5, "2.5 times its prior value"), (-0.5, "50 % smaller")],
 )
 def test_a_large_change_is_a_factor(change, words):
     vehicle = fw.vehicle("cheng_cebon_2011")

@@ -23,7 +23,7 @@ def test_lateral_acceleration(result):
     run = summarise_runs(result.identification, result.records[:1])[0]
     without_record = summarise_runs(result.identification, [])[0]
     assert 1.0 < run.acceleration < 3.0
-    assert without_record.acceleration == pytest.approx(run.acceleration, rel=0.01)
+    assert without_record.acceleration == pytest.approx(run.acceleration, rel=0.02)  # over 12 rows, not 0.5 s
     assert run.speed == pytest.approx((88 / 3.6, 88 / 3.6))
 
 

@@ -37,6 +37,7 @@ def test_every_method_has_a_manoeuvre_that_simulates_it():
     assert MANOEUVRES.keys() == METHODS.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", METHODS)
 def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
     found = fw.evaluate(logs[test], test, vehicle=truck)
@@ -57,6 +58,7 @@ def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
         found["xyz"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", METHODS)
 def test_the_order_of_units_does_not_need_a_vehicle(truck, logs, test):
     with_vehicle, without = fw.evaluate(logs[test], test, vehicle=truck), fw.evaluate(logs[test], test)
@@ -86,6 +88,7 @@ def test_wrong_logs_are_refused_with_signal_and_cure(truck, logs, test):
         fw.evaluate(bare, test, vehicle=truck)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "factor", "message"),
     [
@@ -113,6 +116,7 @@ def test_wrong_arguments(truck, logs):
         fw.evaluate(logs["step"], "step", vehicle="truck")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_conditions_that_are_not_met(truck, logs):
     log = logs["step"]
     swaying = 0.05 * np.sin(2 * np.pi * log.time) * (log.time < 1)
@@ -176,6 +180,7 @@ def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):
         fw.evaluate(broken, "lane_change", vehicle=truck, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", ["lane_change", "frequency_response"])
 def test_an_amplification_names_its_units(truck, logs, test):
     notes = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle).notes for vehicle in (truck, None)}
@@ -190,6 +195,7 @@ def test_an_amplification_names_its_units(truck, logs, test):
         assert any("No rearward amplification" in note for note in fw.evaluate(log, test, vehicle=truck).notes)
 
 
+@pytest.mark.slow
 def test_stated_sensors_time_bases_and_other_steer_angles_are_noted(truck, logs):
     log, gyro = logs["step"], fw.SensorPrior(sensor_class="mems")
     log = log.with_signals({"steer.semitrailer.rear": -0.5 * log.signals[STEER]})

@@ -25,6 +25,7 @@ def responses(truck):
     return at
 
 
+@pytest.mark.slow
 def test_gain_and_phase_are_those_of_the_equations(truck, responses):
     """Within their sigma, and 0.2 % of the simulation with steps of 20 ms."""
     log = fw.simulate(truck, manoeuvre="random", speed=U, duration=400.0, sensors=NOISE, rate=50.0, seed=1)
@@ -40,6 +41,7 @@ def test_gain_and_phase_are_those_of_the_equations(truck, responses):
         assert np.mean(np.abs(lag) < 2 * relative + 0.002) > 0.85, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("manoeuvre", "duration"), [("sweep", 60.0), ("random", 60.0)])
 def test_ninety_per_cent_of_the_intervals_contain_the_gain(truck, responses, manoeuvre, duration):
     """With good sensors; a periodogram of segments would be biased by up to ten sigma."""
@@ -71,6 +73,7 @@ def test_measures_of_the_frequency_response(truck, responses):
     assert len(found.plots()) == len(NOISE)
 
 
+@pytest.mark.slow
 def test_the_delay_of_a_long_combination_does_not_reduce_its_gain():
     """Its last unit follows the steer angle by up to 2 s."""
     vehicle = get("truck_full_trailer")
@@ -89,6 +92,7 @@ def test_single_manoeuvres_are_refused(truck, manoeuvre):
         fw.evaluate(log, "frequency_response", vehicle=truck)
 
 
+@pytest.mark.slow
 def test_noise_lowers_the_coherence_and_the_number_of_frequencies(truck):
     found = [
         fw.evaluate(

@@ -43,7 +43,8 @@ def test_constant_radius_and_constant_speed_give_similar_understeer_gradients(tr
 
 
 def test_an_ordinary_drive_informs_on_the_understeer_gradient(truck, driven):
-    drive, rising = driven(course("everyday", truck, seed=1)), driven(course("slowly_increasing_steer", truck, speed=U))
+    drive = driven(course("everyday", truck, seed=1, duration=120.0))
+    rising = driven(course("slowly_increasing_steer", truck, speed=U))
     found, ramp = (fw.evaluate(log, "steady_state", vehicle=truck) for log in (drive, rising))
     assert "Method: mixed driving" in found.notes[0]
     gradient = found["understeer_gradient"]

@@ -48,12 +48,12 @@ def test_each_method_gives_the_gradient_of_the_equations(truck, method):
     assert f"Method: {method}" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_ninety_per_cent_of_the_intervals_contain_the_gradient(truck):
     exact, inside = steady_steer(truck)[1], 0
     for seed in range(60):
-        found = fw.evaluate(steady_turns(truck, "constant speed", seed), "steady_state", vehicle=truck)[
-            "understeer_gradient"
-        ]
+        log = steady_turns(truck, "constant speed", seed)
+        found = fw.evaluate(log, "steady_state", vehicle=truck, check=False)["understeer_gradient"]
         inside += abs(found.value - exact) < 1.645 * found.sigma
     assert 0.78 * 60 <= inside <= 59
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.online import Learner
-from fifthwheel.results.export import export_c, learner_model
+from fifthwheel.results.export import LEARNER_FILES, export_c, learner_model
 from fifthwheel.results.export.project import LEARNER_SOURCES
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
@@ -21,8 +21,8 @@ Estimates = dict[str, tuple[float, float, str]]
 
 
 def compiled(learner: Learner, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
-    """The replay program of an exported learner; the folder keeps its object files."""
-    export_c(learner, folder)
+    """The replay program of an exported learner, which has all files; the folder keeps its object files."""
+    assert [path.name for path in export_c(learner, folder)] == [*LEARNER_FILES]
     run(folder, *STRICT, *flags, "-c", *LEARNER_SOURCES, compiler=compiler)
     return linked(folder, "replay.c", *flags, compiler=compiler)
 
@@ -57,10 +57,12 @@ def replayed(program: Path, learner: Learner, record: Record, *saved: str) -> tu
     """[time, status, learning, states, sigmas] of each sample that it accepts, and the estimates at the end."""
     command, text = [program, "estimates.csv", *saved], csv_text(learner, record)
     done = subprocess.run(command, cwd=program.parent, input=text, capture_output=True, text=True, check=True)
-    rows = np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()])
+    names, *rows = [line.split(",") for line in done.stdout.splitlines()]
+    assert names[:4] == ["time", "status", "learning", learner.live.view.names[0]]
+    assert len(names) == 3 + 2 * len(learner.live.view.names)
     with (program.parent / "estimates.csv").open() as file:
         found = {r["name"]: (float(r["value"]), float(r["sigma"]), r["verdict"]) for r in csv.DictReader(file)}
-    return rows, found
+    return np.array(rows, dtype=float), found
 
 
 def pushed(learner: Learner, record: Record) -> tuple[np.ndarray, Estimates]:

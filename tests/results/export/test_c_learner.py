@@ -103,6 +103,7 @@ def assert_equal_with_faults(learner: Learner, program: Path, lane: Record) -> s
     return seen
 
 
+@pytest.mark.slow
 def test_every_fault_gives_what_push_gives(passing: tuple[Learner, Path], lane: Record) -> None:
     assert assert_equal_with_faults(*passing, lane) == set(Status)
 
@@ -142,6 +143,7 @@ def test_three_units_with_two_steered_axles(tmp_path: Path) -> None:
     record = Record(time=record.time, signals=signals, name="train")
     learner = Learner(train, record.signals, FIVE)
     assert len(learner.live.setup.inputs) == 3
+    assert {e.name.split(".")[0] for e in learner.parameters} == {"tractor", "lead", "last"}
     assert_equal(learner, compiled(learner, tmp_path), record)
 
 
@@ -202,12 +204,11 @@ def test_wrong_estimates_are_refused_and_a_reset_keeps_estimates(passing: tuple[
     assert found == "1,1,1,1,1"
 
 
-def test_the_folder_has_all_files_and_names_the_estimates(passing: tuple[Learner, Path], tmp_path: Path) -> None:
-    learner, _ = passing
-    assert [path.name for path in export_c(learner, tmp_path)] == [*LEARNER_FILES]
-    header = (tmp_path / "fw_samples.h").read_text()
+def test_the_header_names_the_estimates(passing: tuple[Learner, Path]) -> None:
+    folder = passing[1].parent
+    header = (folder / "fw_samples.h").read_text()
     assert "FW_ESTIMATE_TRACTOR_FRONT_CORNERING_STIFFNESS = 0, /* tractor.front.cornering_stiffness, N/rad */" in header
-    assert not any("@" in (tmp_path / name).read_text() for name in LEARNER_FILES)
+    assert not any("@" in (folder / name).read_text() for name in LEARNER_FILES)
 
 
 def test_infinite_limits_are_large_numbers(guess: Vehicle, lane: Record, tmp_path: Path) -> None:

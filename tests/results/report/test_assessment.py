@@ -80,6 +80,7 @@ def test_a_note_explains_a_dynamic_threshold_above_the_static_one(assessment, li
     assert [models in note for note in notes] == ([True] if models else [])
 
 
+@pytest.mark.slow
 def test_the_page_has_every_measure_and_every_figure(assessment, tmp_path):
     path = tmp_path / "assess.html"
     written = write_assessment_report(path, assessment, figures="svg")

@@ -103,13 +103,14 @@ def report(result, tmp_path_factory) -> Path:
     return path
 
 
-def open_page(report: Path, width: int, *flags: str, probe: str = PROBE) -> Observation:
-    """Open a copy with a probe in a frame, because a headless window is at least 500 px wide."""
-    folder = report.parent
-    text = report.read_text(encoding="utf-8")
-    (folder / "probe.html").write_text(text.replace("</head>", probe + "</head>"), encoding="utf-8")
-    frame = f'<title>-</title><iframe src="probe.html" style="width:{width}px;height:900px;border:0"></iframe>'
-    (folder / "frame.html").write_text(frame, encoding="utf-8")
+def open_pages(pages: list[Path], width: int, *flags: str, probe: str = PROBE) -> Observation:
+    """Open copies with a probe in frames, because a headless window is at least 500 px wide."""
+    folder, frames = pages[0].parent, "<title>-</title>"
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        (folder / f"probe_{page.name}").write_text(text.replace("</head>", probe + "</head>"), encoding="utf-8")
+        frames += f'<iframe src="probe_{page.name}" style="width:{width}px;height:900px;border:0"></iframe>'
+    (folder / "frame.html").write_text(frames, encoding="utf-8")
     ran = browse(
         folder / "profile",
         "--allow-file-access-from-files",
@@ -125,9 +126,9 @@ def open_page(report: Path, width: int, *flags: str, probe: str = PROBE) -> Obse
     return Observation(state=json.loads(title[1].replace("&quot;", '"').replace("&amp;", "&")), errors=errors)
 
 
-@pytest.mark.parametrize("width", [390, 1400])
-def test_the_page_in_a_browser(report, width):
-    observation = open_page(report, width)
+@pytest.mark.parametrize(("width", "dark"), [(390, True), (1400, False)])
+def test_the_page_in_a_browser(report, width, dark):
+    observation = open_pages([report], width, *[DARK] * dark)
     state = observation.state
     assert observation.errors == []
     assert state["synchronous"], "a page that is printed at once would have no plots"
@@ -145,24 +146,17 @@ def test_the_page_in_a_browser(report, width):
     assert state["hidden"] == [False] * len(state["hidden"]) != [], "a key of the legend hides its line everywhere"
     assert state["zoomed"] == [3, 5], "the plots of a log zoom together"
     assert state["reset"], "a double click shows all again"
-
-
-@pytest.mark.parametrize("flags", [(), (DARK,)])
-def test_texts_of_plots_and_drawings_can_be_read_on_light_and_dark(report, flags):
-    state = open_page(report, 1400, *flags).state
-    dark = bool(flags)
     assert (state["page"] < 0.2) is dark
-    assert all(abs(words - state["page"]) > 0.45 for words in state["words"])
+    assert all(abs(words - state["page"]) > 0.45 for words in state["words"]), "a text cannot be read"
     assert set(state["behind"]) == {"rgba(0, 0, 0, 0)"}
 
 
-@pytest.mark.parametrize("flags", [(), (DARK,)])
-def test_it_prints_at_once_what_is_not_folded(report, flags):
+def test_it_prints_at_once_with_the_appendix(report):
     pdf = report.with_name("report.pdf")
-    browse(report.parent / "profile", *flags, "--no-pdf-header-footer", f"--print-to-pdf={pdf}", report.as_uri())
+    browse(report.parent / "profile", DARK, "--no-pdf-header-footer", f"--print-to-pdf={pdf}", report.as_uri())
     data = pdf.read_bytes()
     assert data.startswith(b"%PDF")
-    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 6
+    assert 8 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 40
     assert len(data) > 1e5, "the plots are not in it"
 
 
@@ -170,17 +164,16 @@ TABLES = r"""
 <script>
 addEventListener("load", () => {
   const wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
-  parent.document.title = JSON.stringify({ wide, page: document.documentElement.scrollWidth });
+  (parent.found ??= {})[location.pathname.split("/").pop()] = [wide, document.documentElement.scrollWidth];
+  parent.document.title = JSON.stringify(parent.found);
 });
 </script>
 """
 
 
-@pytest.fixture(scope="module")
-def measures(tmp_path_factory) -> dict[str, Path]:
-    """Pages of measures."""
+def test_tables_of_measures_fit_a_narrow_screen(tmp_path):
     names = ("validation", "evaluation", "assessment", "evidence")
-    found = {name: tmp_path_factory.mktemp(name) / "page.html" for name in names}
+    found = {name: tmp_path / f"{name}.html" for name in names}
     truck = fw.vehicle("cheng_cebon_2011")
     quiet = {f"yaw_rate.{unit}": 1e-6 for unit in ("tractor", "semitrailer")}
     sensors = {**quiet, "roll.tractor": 1e-7, "roll.semitrailer": 1e-7}
@@ -192,11 +185,8 @@ def measures(tmp_path_factory) -> dict[str, Path]:
     contents = found["evidence"].with_suffix(".json")
     contents.write_text("{}")
     write_evidence(found["evidence"], TruckEvidence(assessment=assessment), contents)
-    return found
-
-
-@pytest.mark.parametrize("name", ["validation", "evaluation", "assessment", "evidence"])
-def test_tables_of_measures_fit_a_narrow_screen(measures, name):
-    state = open_page(measures[name], 390, probe=TABLES).state
-    assert state["wide"] == 0, "a table has to be scrolled sideways"
-    assert state["page"] <= 390
+    state = open_pages([*found.values()], 390, probe=TABLES).state
+    assert len(state) == len(names)
+    for name, (wide, width) in state.items():
+        assert wide == 0, f"{name}: a table has to be scrolled sideways"
+        assert width <= 390, name

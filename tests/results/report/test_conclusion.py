@@ -114,13 +114,15 @@ def test_a_roll_rate_that_is_not_logged_is_the_reason(result, verdict, changes, 
     assert any("Log the roll rate of the tractor" in line for line in conclusion.next_steps)
 
 
+@pytest.mark.slow
 def test_a_straight_run_identifies_nothing():
     truck = get("cheng_cebon_2011")
     record = simulate(truck, manoeuvre="straight", duration=10, seed=3, name="straight")
     identification = identify([record], truck)
     for records in ([record], []):  # the terminal has no records
         conclusion = conclude_identification(identification, records)
-        assert conclusion.headline == "No parameter is identified from 1 log: the excitation is too small."
+        assert conclusion.headline.startswith("0 of ")
+        assert conclusion.headline.endswith("are identified from 1 log: the excitation is too small.")
         assert "two or more lane changes" in conclusion.next_steps[0]
         assert "almost straight running" in conclusion.next_steps[0]
 

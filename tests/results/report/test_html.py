@@ -226,6 +226,7 @@ def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
         assert f'<span class="{name}"><span class="mark">{mark}</span>{spoken_verdict(name)}</span>' in text
 
 
+@pytest.mark.slow
 def test_import_is_cheap():
     heavy = ("rich", "plotly", "scipy", "pyarrow", "pandas")
     code = f"import sys, fifthwheel.results.report; print([m for m in {heavy} if m in sys.modules])"
@@ -233,6 +234,7 @@ def test_import_is_cheap():
     assert ran.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [np.inf, 1e200])
 def test_a_prediction_that_diverges(result, tmp_path, value):
     fit = result.identification.fits[0]
@@ -251,6 +253,7 @@ def yaw_rate(states, record=None):
     return CaptionedPlot("yaw rate", plot, "log", (states.name, "states", "yaw_rate.tractor"))
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_page_is_written(result, tmp_path):
     path = tmp_path / "report.html"
     few = replace(result.identification, fits=result.identification.fits[:1])
@@ -263,6 +266,7 @@ def test_every_figure_of_the_page_is_written(result, tmp_path):
     assert "kN/rad" in history.read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "start"), [("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_other_kinds(result, tmp_path, kind, start):
     (path,) = save_images(tmp_path, [yaw_rate(result.states[1], result.records[1])], kind)

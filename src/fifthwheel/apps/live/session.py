@@ -12,6 +12,7 @@ from fifthwheel.apps.live.outputs.frames_out import FrameEncoder
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.apps.live.sources.bus import LiveBus
 from fifthwheel.apps.live.status import LiveFault, in_words
+from fifthwheel.data.channels import SPEED
 from fifthwheel.estimate.identify.verdict import Verdict
 
 PARAMETER_PERIOD = 0.1
@@ -38,6 +39,7 @@ class Session:
     coach: Coach | None = None  # of the learning
     checkpoint: Checkpoint | None = None
     recorder: Recorder | None = None
+    messages: Recorder | None = None  # of ROS 2
     encoder: FrameEncoder | None = None
     bus: LiveBus | None = None  # on which frames are sent
     send_period: float = 0.01  # time between two outputs that are sent, s
@@ -47,6 +49,7 @@ class Session:
     def __post_init__(self) -> None:
         self._sent = self._sent_parameter = -1e9
         self._next = 0
+        self._speed = math.nan  # last measured one, m/s
 
     def handle(self, output: Output) -> None:
         """Process an output."""
@@ -58,6 +61,10 @@ class Session:
             self._send(self.encoder, self.bus, output)
         if self.recorder is not None:
             self.recorder.add(self.row(output))
+        if self.messages is not None:
+            for sample in output.samples:
+                self._speed = sample.get(SPEED.quantity, self._speed)
+            self.messages.add(self.row(output) | {SPEED.quantity: self._speed})
         self.node.set_fault(LiveFault.NOT_RECORDED, bool(self.writer.errors))
         for view in self.views:
             view.show(output)
@@ -68,8 +75,8 @@ class Session:
             view.close()
         if self.checkpoint is not None:
             self.checkpoint.write()
-        if self.recorder is not None:
-            self.recorder.close()
+        for recorder in filter(None, (self.recorder, self.messages)):
+            recorder.close()
         self.writer.close()
 
     def row(self, output: Output) -> dict[str, float]:

@@ -17,7 +17,7 @@ from fifthwheel.apps.live.learning import Learning
 from fifthwheel.apps.live.node import LiveEstimator, Node, Output
 from fifthwheel.apps.live.outputs.frames_out import FrameEncoder
 from fifthwheel.apps.live.outputs.journal import Journal
-from fifthwheel.apps.live.outputs.recorder import BackgroundWriter, Recorder
+from fifthwheel.apps.live.outputs.recorder import MESSAGES, BackgroundWriter, Recorder
 from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen, read_trace, replay
@@ -67,9 +67,10 @@ def opened(
     if not chosen.learn and signal_map.sensors:
         say(f"What is stated of the sensors of {', '.join(signal_map.sensors)} is used with --learn only.")
     _require_working(chosen, say)
-    recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
-    with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
-        session = _session(chosen, observer, truck, signal_map, recorded, say)
+    now = datetime.now()
+    recorded, messages = (Path(now.strftime(str(p))) if p else None for p in (chosen.record, chosen.mcap))
+    with reserved(recorded, messages, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
+        session = _session(chosen, observer, truck, signal_map, recorded, messages, say)
         if chosen.coach and session.learning is not None:
             pool = None if chosen.replay else stack.enter_context(process_pool(1))
             targets = targets_of(chosen.target)
@@ -159,6 +160,7 @@ def _session(
     vehicle: Vehicle,
     signal_map: SignalMap,
     recorded: Path | None,
+    messages: Path | None,
     say: Callable[[str], object],
 ) -> Session:
     node, learning, states = _node(chosen, observer, vehicle, signal_map)
@@ -176,6 +178,7 @@ def _session(
         learning=learning,
         checkpoint=Checkpoint(learning, chosen.state, writer) if learning and chosen.state else None,
         recorder=Recorder(recorded, writer) if recorded else None,
+        messages=Recorder(messages, writer, MESSAGES) if messages else None,
         encoder=encoder,
         send_period=1 / chosen.send_rate,
         trailer_column=next(iter(node.extra_columns), ""),
@@ -210,8 +213,9 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
     """Which files were written, and columns with several senders; a FifthwheelError if one is not complete."""
     for column, others in session.node.decoder.other_sources.items():
         say(f"{column}: also sent by {', '.join(others)}, which is ignored; name the source in signals.toml")
-    if session.recorder is not None and session.recorder.path.exists():
-        say(f"Written: {session.recorder.path}")
+    for recorder in filter(None, (session.recorder, session.messages)):
+        if recorder.path.exists():
+            say(f"Written: {recorder.path}")
     if session.writer.errors:
         raise FifthwheelError("\n".join(session.writer.errors.values()))
 

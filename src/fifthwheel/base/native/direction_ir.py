@@ -197,7 +197,9 @@ class _Divider:
                 self.nominal.store(name, array, element, invariant=array == "fixed", scalar=self.directions.scalar)
 
 
-def direction_module(step: ca.Function, lanes: int, scalar: str = "double") -> DirectionModule:
+def direction_module(
+    step: ca.Function, lanes: int, scalar: str = "double", *, backwards: bool = False
+) -> DirectionModule:
     """LLVM assembly of the two loops of a step; all arrays are row-major.
 
     `scalar` is the type of carry', constant', output', shared and fixed; "float" halves the time of the derivatives.
@@ -209,8 +211,9 @@ def direction_module(step: ca.Function, lanes: int, scalar: str = "double") -> D
 
     carry (n,), sample (samples, n), constant (n,), output (samples, n), shared (samples, n), fixed (n,);
     carry' (groups, n, lanes), constant' (groups, n, lanes), output' (samples, n, pitch, lanes), of which `groups` are
-    written. Both carries are updated in place. `shared` is null if no derivatives are wanted. A NotImplementedError if
-    an operation of the step cannot be translated.
+    written. Both carries are updated in place. `shared` is null if no derivatives are wanted. `backwards`: `nominal`
+    writes its rows from the one at `shared` towards lower addresses, so that `directions` reads the last sample first.
+    A NotImplementedError if an operation of the step cannot be translated.
     """
     divider = _Divider(step, lanes, scalar)
     divider.divide()
@@ -225,7 +228,7 @@ def direction_module(step: ca.Function, lanes: int, scalar: str = "double") -> D
             ArrayLayout("sample", nominal.type, "0", str(n_sample)),
             ArrayLayout("constant", nominal.type, str(n_constant)),
             ArrayLayout("output", nominal.type, "0", str(step.numel_out(1))),
-            ArrayLayout("shared", directions.scalar, "0", str(shared)),
+            ArrayLayout("shared", directions.scalar, "0", str(-shared if backwards else shared)),
             ArrayLayout("fixed", directions.scalar, "0"),
         ],
         rest=divider.rest,

@@ -140,7 +140,7 @@ class DirectionScan(_Scan):
         output_dot = np.empty((rows, sizes[8], groups, self.lanes))
         dots = [self._to_lanes(array, groups) for array in (carry_dot, constant_dot)]
         count = max(min(threads, groups), 1)
-        edges = np.linspace(0, groups, count + 1).astype(int).tolist()
+        edges = [groups * number // count for number in range(count + 1)]
         carries = [carry.copy() for _ in range(count)]
         outputs = [output, *[np.empty_like(output) for _ in range(count - 1)]]
 
@@ -293,6 +293,63 @@ class AdjointScan(_Scan):
 
         source, *numbers = direction_module(self._step.function, ROWS, "float")
         return [source + propagation(self.sizes, n, m, ROWS), *numbers]
+
+
+class GradientScan(_Scan):
+    """A compiled step with the gradient of a function of its outputs, which takes the time of a few steps.
+
+    The step maps (carry, sample, constant, gradient, nothing) to (carry, output, gradient, nothing). The last elements
+    of a sample are the derivatives of the function by the outputs there. `gradient` is that by the carry after the
+    step and by constants; the step adds its own part and gives that by the carry before it. Samples are processed
+    forwards and then, in blocks from stored carries, backwards. The step is compiled at the first call.
+
+    Args:
+        step: CasADi function; its inputs and outputs are dense column vectors.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return GradientScan, (self.step,)
+
+    def __call__(self, carry: Array, sample: Array, constant: Array, derivatives: Callable[[Array], Array]) -> Array:
+        """The gradient (n_gradient,) before the first sample.
+
+        Args:
+            carry: (n_carry,) before the first sample.
+            sample: (N, n), without derivatives.
+            constant: (n_constant,).
+            derivatives: those of the function (N, n_sample - n), from the outputs (N, n_output).
+
+        Raises:
+            TypeError, NotImplementedError: as for a `DirectionScan`.
+        """
+        (rows, given), sizes = sample.shape, self.sizes
+        seeds = np.zeros((rows, sizes[1] - given))
+        arrays = carry, np.hstack([sample, seeds]), constant
+        carry, sample, constant = self._copies(arrays, [(sizes[0],), (rows, sizes[1]), (sizes[2],)])
+        loops = self._compiled("gradient", self._translation)
+        output, gradient, nothing = np.empty((rows, sizes[6])), np.zeros(sizes[3]), np.empty(0)
+        shared, fixed = np.empty((BLOCK, loops.shared)), np.empty(loops.fixed)
+
+        def nominal(begin: int, carry: Array, *, wanted: bool) -> int:
+            size: int = min(BLOCK, rows - begin)
+            here, last = (carry, sample[begin:], constant, output[begin:]), shared[size - 1].ctypes.data
+            loops.nominal(size, 1, *_addresses(*here), last if wanted else None, fixed.ctypes.data)
+            return size
+
+        carries = []
+        for begin in range(0, rows, BLOCK):
+            carries.append(carry.copy())
+            nominal(begin, carry, wanted=False)
+        sample[:, given:] = derivatives(output)
+        for number, start in reversed(list(enumerate(carries))):
+            size = nominal(number * BLOCK, start, wanted=True)
+            loops.directions(size, 1, 1, *_addresses(gradient, nothing, nothing, shared, fixed))
+        return gradient
+
+    def _translation(self) -> list[Any]:
+        from fifthwheel.base.native.direction_ir import direction_module
+
+        return list(direction_module(self.step, 1, backwards=True))
 
 
 def _check(step: ca.Function) -> None:

@@ -28,14 +28,17 @@ class Scan:
         step: CasADi function; its inputs and outputs are dense column vectors.
         lanes: number of vehicles in one vector register in `batch`.
         matrices: the step is written with `casadi.MX`, and has loops over elements (`matrix_ir`) in place of lanes.
+        optimised: by LLVM's code generator (`load`), as a step with matrices always is.
 
     Raises:
         TypeError: the step has other inputs or outputs; for a `Step`, when it is built.
     """
 
-    def __init__(self, step: ca.Function | Step, lanes: int = 4, *, matrices: bool = False) -> None:
+    def __init__(
+        self, step: ca.Function | Step, lanes: int = 4, *, matrices: bool = False, optimised: bool = False
+    ) -> None:
         self._step = Step.of(step)
-        self.lanes, self._matrices = 1 if matrices else lanes, matrices
+        self.lanes, self._matrices, self._optimised = 1 if matrices else lanes, matrices, matrices or optimised
         self._compiled: dict[int, Any] = {}
         self._engines: list[Any] = []  # they own the memory of the code
         if not isinstance(step, Step):
@@ -135,7 +138,7 @@ class Scan:
         return self._compiled.get(self.lanes) or self._compile(self.lanes)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return functools.partial(Scan, matrices=self._matrices), (self.step, self.lanes)
+        return functools.partial(Scan, matrices=self._matrices, optimised=self._optimised), (self.step, self.lanes)
 
     def _compile(self, lanes: int) -> Any:
         def translate() -> list[Any]:
@@ -146,7 +149,7 @@ class Scan:
 
         with compiling:
             if lanes not in self._compiled:
-                program = load(self._step, f"scan {lanes}", translate, optimisation=int(self._matrices))
+                program = load(self._step, f"scan {lanes}", translate, optimisation=int(self._optimised))
                 self._engines.append(program)
                 prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
                 self._compiled[lanes] = prototype(program.engine.get_function_address("scan"))

@@ -255,11 +255,10 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
 
 
 def _appendix(parts: Sequence[pages.Folded], place: Callable[[pages.CaptionedPlot], str]) -> str:
-    """What is folded away at the end of the page, with a button that unfolds all of it."""
+    """What is folded away at the end of the page. It is unfolded in print."""
     if not parts:
         return ""
-    button = '<button type="button" id="unfold">Unfold all, such as for printing</button>'
-    return f'<section id="appendix"><h2>Appendix</h2>{button}\n{blocks(parts, place)}</section>'
+    return f'<section id="appendix"><h2>Appendix</h2>\n{blocks(parts, place)}</section>'
 
 
 def _drawn(figure: pages.CaptionedPlot) -> dict[str, Any]:

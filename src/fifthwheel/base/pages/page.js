@@ -134,9 +134,6 @@
     plots.forEach((_, index) => { if (!document.getElementById("plot" + index)?.closest("details:not([open])")) draw(index); });
   }
   document.querySelectorAll("details").forEach((details) => details.addEventListener("toggle", () => { if (details.open) drawVisible(); }));
-  document.getElementById("unfold")?.addEventListener("click", () => {
-    document.querySelectorAll("details").forEach((details) => { details.open = true; });
-  });
   drawVisible();
   document.body.dataset.drawn = "yes";
   if (window.parent !== window) {  // the workbench gives the page its whole height, scrolls it, and says whether it is dark
@@ -157,15 +154,20 @@
 
   const drawn = () => [...document.querySelectorAll("div.plot[data-drawn]")].filter((p) => !p.closest("details:not([open])"));
   const printed = { wide: (p) => [680, Math.min(40 + 85 * p.style.getPropertyValue("--panels"), 900)], tall: () => [330, 290], small: () => [215, 165] };
+  let folds = [];
   window.addEventListener("beforeprint", () => {
+    folds = [...document.querySelectorAll("#appendix details:not([open])")];
+    folds.forEach((details) => { details.open = true; });
     drawVisible();
     drawn().forEach((p) => {
       const size = Object.keys(printed).find((word) => p.classList.contains(word));
       const [width, height] = size ? printed[size](p) : [330, 215];
-      Plotly.relayout(p, { autosize: false, width, height });
+      const ticks = p.layout.xaxis.type === "date" ? { "xaxis.nticks": 3 } : {};
+      Plotly.relayout(p, { autosize: false, width, height, ...ticks });
     });
   });
   window.addEventListener("afterprint", () => {
     drawn().forEach((p) => Plotly.relayout(p, { autosize: true, width: null, height: null }));
+    folds.forEach((details) => { details.open = false; });
   });
 })();

@@ -11,11 +11,11 @@ from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import ROLL_RATE, SignalName, names_of
 from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.estimate.identify.verdict import STRAIGHT
 from fifthwheel.results.diagnose.cautions import has_wide_sigma
 from fifthwheel.results.diagnose.information_summary import describe_remedy, dominant_terms
 from fifthwheel.results.diagnose.residuals import predicted_logs
 from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.results.diagnose.thresholds import STRAIGHT
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from fifthwheel.truck.spoken_names import named, named_unit
 

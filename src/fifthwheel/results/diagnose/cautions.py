@@ -16,7 +16,7 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.checks.findings import Fault, Finding
 from fifthwheel.estimate.identify import Estimate, Identification, SensorError, Verdict
-from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
+from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, UNUSUAL_ESTIMATE, Doubt, DoubtKind
 from fifthwheel.estimate.observe import States
 from fifthwheel.results.diagnose import messages, thresholds
 from fifthwheel.results.diagnose.doubt_cautions import (
@@ -98,7 +98,7 @@ def is_unusual(identification: Identification, error: SensorError) -> bool:
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
     if kind == "gain" and is_of(signal, STEER):
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
-    far = abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+    far = abs(error.value - mean) > thresholds.UNUSUAL_ERROR * sigma
     return far and (kind != "misalignment" or abs(error.value - mean) > 2 * error.sigma)
 
 
@@ -114,7 +114,7 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
             continue
         prior = e.prior / abs(e.initial) if e.prior and e.initial else quantity_of(e.name).guess
         ratio = e.value / e.initial
-        if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
+        if ratio > 0 and abs(np.log(ratio)) > UNUSUAL_ESTIMATE * prior:
             yield messages.UNUSUAL_ESTIMATE.of(
                 ratio, parameters=(e.name,), parameter=e.name, ratio=digits(ratio, 2), prior=percent(prior)
             )

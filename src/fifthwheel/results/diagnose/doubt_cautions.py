@@ -97,7 +97,9 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
         vehicle, name = identification.vehicle, "The identified truck"
     critical = critical_speed(vehicle, highest=NEARLY * highest) if highest > 0 else None
     if critical is not None:
-        yield messages.UNSTABLE.of(critical, truck=name, critical=3.6 * critical, highest=3.6 * highest)
+        free = [f"{c.name}.yaw_damping" for c in vehicle.couplings_with_damper() if not c.yaw_damping]
+        damper = f"Give it {enumerated(free)}: the joints of buses and caravans have a damper. " if free else ""
+        yield messages.UNSTABLE.of(critical, truck=name, critical=3.6 * critical, highest=3.6 * highest, damper=damper)
 
 
 def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | None) -> str:
@@ -116,7 +118,7 @@ def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | 
     )
 
 
-def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:
+def _relative_change(change: float, compared: str = "", reference: str = "its prior value") -> str:
     """A relative change: "12 % larger" than what is compared; if it is large, "0.40 times" the reference."""
     if abs(change) > LARGE_CHANGE:
         return f"{digits(1 + change, 2)} times {reference}"
@@ -144,6 +146,9 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if parsed.quantity == "self_steering" and not values.get(path):
         size = f"self_steering = {min(change, 1.0):.1f}"
         return f"{parsed.owner} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
+    if parsed.quantity == "yaw_damping" and not values.get(path):
+        size = with_sigma(change, None, unit_of(path))
+        return f'{parsed.owner} is not free in yaw: give it yaw_damping = "{size}" in the vehicle file ({times})'
     if ParameterPath.of(cause.name).quantity == "axle_positions":
         largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"

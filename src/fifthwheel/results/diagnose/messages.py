@@ -144,7 +144,7 @@ class _Settings:
 UNSTABLE = CautionText(
     CautionKind.UNSTABLE,
     "{truck} is unstable above {critical:.0f} km/h, and the logs reach {highest:.0f} km/h.",
-    "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
+    "{damper}Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
     "prediction errors ({setting[form prediction-error]}).",
 )
 LOG_DIFFERS = CautionText(
@@ -178,7 +178,7 @@ WRONG_ASSUMPTION = CautionText(
 UNUSUAL_MASSES = CautionText(CautionKind.MASS, "{masses}.")
 UNUSUAL_ESTIMATE = CautionText(
     CautionKind.UNUSUAL_ESTIMATE,
-    "{parameter} is {ratio} times the value of the vehicle file; ±{prior} was assumed.",
+    "{parameter} is {ratio} times its prior value, whose sigma is ±{prior}.",
     "Check masses, axle positions and the steer angle. Confirm the estimate with another log.",
 )
 UNRELATED_CHANNEL = CautionText(

@@ -1,4 +1,4 @@
-"""Every threshold of the diagnosis, with its meaning."""
+"""Every threshold of the messages, with its meaning; those of doubts are in `estimate.identify.doubts`."""
 
 from fifthwheel.data.checks import Fault
 
@@ -25,14 +25,14 @@ AUTOCORRELATION_EFFECT = 1.5
 """A sigma that is so many times the value from sensor noise alone is dominated by autocorrelated residuals."""
 USEFUL_REDUCTION = 0.9
 """A change is listed if it brings sigma below this fraction of its present value."""
-UNUSUAL_DEVIATION = 2.5
-"""An estimate or a sensor error so many prior standard deviations from its prior mean is unusual."""
-
 SIGNIFICANT = 3.0
 """A delay, or a difference from the vehicle file, of so many sigmas is significant."""
 
 # Sensor errors
 
+UNUSUAL_ERROR = 2.5
+"""A sensor error so many prior standard deviations from its prior mean is marked; beyond `UNUSUAL_SENSOR_ERROR` it is a
+doubt."""
 UNUSUAL_GAIN = 0.1
 """A steer gain so far from 1, and by twice its sigma, is unusual: the steering ratio can be measured."""
 NEGLIGIBLE_DELAY = 0.02
@@ -55,8 +55,6 @@ REJECTED_SAMPLES = 0.05
 
 # Runs
 
-STRAIGHT = 0.5
-"""m/s²; up to this lateral acceleration a run counts as straight."""
 MIN_SPEED = 5.0
 """m/s; the linear tyre model does not hold below. Settings of an identification replace it."""
 

@@ -15,16 +15,13 @@ from fifthwheel.base.native.c_code import step as symbolic
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.joint import (
     MAX_STATE,
-    Carried,
-    JointChannel,
     bounds,
-    correct,
     linearise,
-    packed,
     reported_values,
 )
 from fifthwheel.estimate.filters.kalman import transition_matrix
-from fifthwheel.estimate.filters.model import pack_array, sizes, split
+from fifthwheel.estimate.filters.model import pack_array, sizes
+from fifthwheel.estimate.filters.scaling import PRECISION
 from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.estimate.identify import doubts
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
@@ -52,16 +49,18 @@ NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 """In place of the index of a channel: none is needed; it is not measured."""
 
 
-class Slopes(NamedTuple):
-    """A function whose derivatives are stored without their zeros."""
+class SparseLinearisation(NamedTuple):
+    """The functions of a step, whose derivatives are stored without their zeros."""
 
     function: ca.Function
     places: Array  # of each stored derivative in V by columns (n_x, n_p)
+    transform: ca.Function
+    """(F, column) -> F times the column."""
 
 
-def linearisation(live: LiveFilter) -> Slopes:
-    """(state, z, [dt, d]) -> (state after dt, F by rows, slopes at both ends of the step, predictions, H by rows,
-    direct by rows); see `linearise`. The slopes are stored without zeros."""
+def linearisation(live: LiveFilter) -> SparseLinearisation:
+    """(state, z, [dt, d]) -> (state after dt, F, slopes at both ends of the step, predictions, H by rows, direct by
+    rows); see `linearise`. F and the slopes are stored without zeros."""
     setup, scaling = live.setup, live.setup.scaling
     n_x, n_d, *_ = sizes(live.model)
     x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", len(setup.estimated_unknowns)), ca.SX.sym("step", 1 + n_d)
@@ -69,28 +68,15 @@ def linearisation(live: LiveFilter) -> Slopes:
     later, parts, slopes, predicted, H, direct = linearise(
         live.model, scaling.logarithmic, x, z, step[0], step[1:], *given
     )
-    F = transition_matrix(live.model, parts)
+    F = ca.sparsify(transition_matrix(live.model, parts))
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
-    results = [later, by_rows(F), first, last, predicted, by_rows(H), by_rows(direct)]
+    results = [later, F.nz[:], first, last, predicted, by_rows(H), by_rows(direct)]
     function = symbolic("linearise", [x, z, step], results)
     rows, columns = pattern.get_triplet()
-    return Slopes(function, np.array(rows) + n_x * np.array(columns))
-
-
-def channel_update(live: LiveFilter) -> ca.Function:
-    """(carry, [y, weight, noise, predicted, learn, row of H, row of direct, state before, z of the linearisation]) ->
-    (carry, [accepted, innovation over its standard deviation]); see `correct`."""
-    layout, n_p, n_z = live.filter.layout, len(live.setup.unknowns), len(live.setup.estimated_unknowns)
-    carry, channel = ca.SX.sym("carry", layout.size), ca.SX.sym("channel", 5 + 2 * layout.n_x + n_p + n_z)
-    scalars, row, direct, before, base_z = split(channel, [5, layout.n_x, n_p, layout.n_x, n_z])
-    y, weight, noise, predicted, learn = ca.vertsplit(scalars)
-    measured = JointChannel(y, weight, noise, predicted, row.T, direct.T)
-    limit = ca.fmin(ca.SX(live.filter.noise.vector()[-1]), LARGEST_GATE)
-    lower, upper = _numbers(*bounds(live.setup.scaling, n_z))
-    carried = Carried.of(carry, layout)
-    new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
-    return symbolic("channel", [carry, channel], [ca.vertcat(*packed(new)), ca.vertcat(accepted, innovation)])
+    f, column = ca.SX.sym("f", F.sparsity()), ca.SX.sym("in", n_x)
+    transform = symbolic("transform", [f.nz[:], column], [f @ column])
+    return SparseLinearisation(function, np.array(rows) + n_x * np.array(columns), transform)
 
 
 def health(live: LiveFilter) -> ca.Function:
@@ -103,14 +89,16 @@ def health(live: LiveFilter) -> ca.Function:
     return symbolic("health", [carry, sample], results)
 
 
-def report(live: LiveFilter) -> ca.Function:
-    """(state of the vehicle, z, d) -> (reported states, their derivatives by rows); see `reported_values`."""
+def report(live: LiveFilter) -> tuple[ca.Function, ca.Sparsity]:
+    """(state of the vehicle, z, d) -> (reported states, their derivatives by rows without zeros), and where these are
+    in the transposed matrix; see `reported_values`."""
     view, scaling = live.view, live.setup.scaling
     n_x, n_d, *_ = sizes(view.report)
     x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(live.setup.estimated_unknowns)), ca.SX.sym("d", n_d)
     numbers = _numbers(view.c, scaling.centre, scaling.scale)
     values, slopes = reported_values(view.report, scaling.logarithmic, x, z, d, *numbers)
-    return symbolic("report", [x, z, d], [values, by_rows(slopes)])
+    by_columns = ca.sparsify(slopes.T)
+    return symbolic("report", [x, z, d], [values, by_columns.nz[:]]), by_columns.sparsity()
 
 
 def start_matrices(live: LiveFilter) -> ca.Function:
@@ -150,7 +138,9 @@ def texts_of(learner: Learner) -> dict[str, str]:
     if not learner.live.considered.is_prior:
         raise SignalError("learner: begins with the information of earlier logs, which C code lacks; make it without")
     linear = linearisation(learner.live)
-    model, source = _sizes_and_limits(learner, len(linear.places)), _source(learner, linear)
+    of_report, places = report(learner.live)
+    sizes = {"SLOPES": len(linear.places), "F_COUNT": linear.transform.numel_in(0), "REPORT_SLOPES": places.nnz()}
+    model, source = _sizes_and_limits(learner, sizes), _source(learner, linear, of_report, places)
     return {
         "ENUMERATIONS": _header(learner),
         "MODEL": model,
@@ -179,7 +169,7 @@ def _header(learner: Learner) -> str:
     return c_text.header(live.stream.settings, live.view.names, sizes, ESTIMATE=estimates)
 
 
-def _sizes_and_limits(learner: Learner, slopes: int) -> str:
+def _sizes_and_limits(learner: Learner, slopes: dict[str, int]) -> str:
     """Sizes, settings and the declarations of tables and functions, for the private header."""
     live = learner.live
     setup, layout, limits = live.setup, live.filter.layout, live.learner
@@ -194,14 +184,15 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "P_COUNT": layout.n_z + layout.n_c,
         "CONSIDERED": layout.n_c,
         "MODEL_INPUT_COUNT": len(chain.inputs),
-        "SLOPES": slopes,
         "LAG": relinearisation.lag,
     }
     parts = ("P", "V", "z", "Pz", "B", "gradient", "information")
-    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in parts}
+    sizes |= slopes | {f"AT_{name.upper()}": getattr(layout, name).start for name in parts}
     numbers = {
         "SMALLEST_PLAY": SMALLEST_PLAY,
         "MAX_STATE": MAX_STATE,
+        "PRECISION": PRECISION,
+        "SQUARED_GATE": min(settings.gate**2, LARGEST_GATE),
         "BANK_SIGMA": live.setup.bank_sigma if chain.bank else 0.0,
         "WHEELBASE": excitation.wheelbase,
         "UNDERSTEER": excitation.understeer,
@@ -233,15 +224,16 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     return "\n".join([*definitions(sizes, numbers, times), *stream])
 
 
-def _source(learner: Learner, linear: Slopes) -> str:
+def _source(learner: Learner, linear: SparseLinearisation, of_report: ca.Function, places: ca.Sparsity) -> str:
     """Tables and functions of the vehicle."""
     live = learner.live
+    n, n_x = sizes(live.view.report)[0], live.filter.layout.n_x
     step_results = ("later", "f", "first", "last", "predicted", "h", "direct")
     equations = {
         "linearise": (linear.function, ("state", "z", "row"), step_results),
-        "correct": (channel_update(live), ("carry", "channel"), ("next", "out")),
+        "transform": (linear.transform, ("f", "in"), ("out",)),
         "health": (health(live), ("carry", "sample"), ("next", "out")),
-        "report": (report(live), ("state", "z", "inputs"), ("value", "slope")),
+        "report": (of_report, ("state", "z", "inputs"), ("value", "slope")),
         "start_matrices": (start_matrices(live), ("inputs", "p"), ("a", "b", "steer", "bank")),
         "start_slopes": (start_slopes(live), ("inputs", "p", "state"), ("f", "slope")),
     }
@@ -250,6 +242,8 @@ def _source(learner: Learner, linear: Slopes) -> str:
             *_tables(live),
             *_unknown_tables(learner),
             integers("slope_place", linear.places.tolist()),
+            integers("report_start", places.colind()),
+            integers("report_place", [i if i < n else i + n_x - n for i in places.row()]),
             *(c_code.function(f, f"fw_{name}", *names, static=False) for name, (f, *names) in equations.items()),
         ]
     )
@@ -270,10 +264,13 @@ def _memory(learner: Learner) -> int:
 def _tables(live: LiveFilter) -> list[str]:
     """Numbers of the filter and of its start."""
     joint, discrepancy = live.filter, discrepancy_variances(live.setup, live.learner)
+    lowest, highest = bounds(live.setup.scaling, joint.layout.n_z)
     tables = {
         "process": pack_array(joint.noise.process),
         "noise": joint.noise.measurement,
         "walk": joint.walk,
+        "lowest": lowest,
+        "highest": highest,
         "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
     }
     return [

@@ -136,7 +136,7 @@ def observer_texts(observer: Observer) -> dict[str, str]:
     """The content of each of `FILES`."""
     derived = len(observer.model.inputs) - len(observer.inputs)
     numbers = 2 + 3 * len(observer.inputs) + 4 * derived + observer.scan.n_carry
-    marks = _common(observer.vehicle.name, observer.stream.settings, OBSERVER_SOURCES) | {
+    marks = _common(observer.vehicle.name, observer.stream.settings, OBSERVER_SOURCES, observer.reported) | {
         "BYTES": str(8 * numbers + 8),
         "ENUMERATIONS": observer_header(observer),
         "MODEL": observer_source(observer),
@@ -147,17 +147,18 @@ def observer_texts(observer: Observer) -> dict[str, str]:
 def learner_texts(learner: Learner) -> dict[str, str]:
     """The content of each of `LEARNER_FILES`."""
     live, common = learner.live, ("CMakeLists.txt", *SHARED)
-    marks = _common(live.setup.vehicle.name, live.stream.settings, LEARNER_SOURCES)
+    marks = _common(live.setup.vehicle.name, live.stream.settings, LEARNER_SOURCES, live.view.names)
     marks |= learner_model.texts_of(learner)
     return {name: source(name if name in common else f"learner/{name}", marks) for name in LEARNER_FILES}
 
 
-def _common(vehicle: str, stream: StreamSettings, sources: Sequence[str]) -> dict[str, str]:
+def _common(vehicle: str, stream: StreamSettings, sources: Sequence[str], states: Sequence[str]) -> dict[str, str]:
     """Marks of every library, which has the name of its first source."""
     return {
         "TITLE": "".join(c for c in vehicle if c.isalnum() or c in " -_.,()"),
         "VERSION": __version__,
         "COLUMNS": ", ".join([*(rule.name for rule in stream.inputs), *stream.measured]),
+        "STATES": ",".join([*states, *(f"{name}.sigma" for name in states)]),
         "LIBRARY": sources[0].removesuffix(".c"),
         "SOURCES": " ".join(sources),
     }

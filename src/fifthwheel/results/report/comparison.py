@@ -11,6 +11,8 @@ from fifthwheel.results.report.conclusion import counted
 from fifthwheel.results.report.provenance import Provenance
 from fifthwheel.truck.spoken_names import spoken
 
+ESTIMATES = "Estimates of all results"
+"""Name of the table."""
 OF_A_COMPARISON = (
     "Difference: from the first run, with its own sigma. A single difference of equal trucks is beyond 2 sigma with a "
     "probability of 5 %; the headline takes the number of differences into account. Errors of vehicle file and model "
@@ -40,7 +42,7 @@ def comparison_page(comparison: Comparison) -> pages.Document:
         pages.Headline(comparison_headline(comparison)),
         pages.Heading("Estimates", key="estimates"),
         pages.Hint(OF_A_COMPARISON),
-        _table(comparison, repeat=True),
+        _table(comparison),
         pages.Items(comparison.notes),
         pages.Heading("Plots", key="plots"),
         pages.Plots(figures),
@@ -51,19 +53,23 @@ def comparison_page(comparison: Comparison) -> pages.Document:
 
 def comparison_document(comparison: Comparison) -> pages.Document:
     """Headline, estimates and notes."""
+    rows: list[tuple[pages.Cell, ...]] = []
+    for name, run, estimate, _, percent, sigmas in comparison.rows():
+        if run == comparison.runs[0]:
+            rows.append((pages.Hinted(spoken(name), name), "", "", ""))
+        rows.append((f"- {run}", estimate, percent, sigmas))
+    table = pages.Table(("Parameter and run", "Estimate>", "Difference>", "In sigma>"), rows, label=ESTIMATES)
     notes = pages.Items([*comparison.notes, OF_A_COMPARISON], "Notes")
-    return pages.Document("Comparison", [pages.Headline(comparison_headline(comparison)), _table(comparison), notes])
+    return pages.Document("Comparison", [pages.Headline(comparison_headline(comparison)), table, notes])
 
 
-def _table(comparison: Comparison, *, repeat: bool = False) -> pages.Table:
-    """Estimates and differences; the name of a parameter is in its first row only, or in each."""
-    first = comparison.runs[0]
-    rows = [
-        (pages.Hinted(spoken(name), name) if repeat or run == first else "", run, *texts)
-        for name, run, *texts in comparison.rows()
+def _table(comparison: Comparison) -> pages.Table:
+    """Estimates and differences, with the name of the parameter in each row."""
+    rows: list[tuple[pages.Cell, ...]] = [
+        (pages.Hinted(spoken(name), name), *texts) for name, *texts in comparison.rows()
     ]
     heads = ("Parameter|name", "Run|main", "Estimate>", "Difference>|wide", "In %>", "In sigma>")
-    return pages.Table(heads, rows, label="Estimates of all results")
+    return pages.Table(heads, rows, label=ESTIMATES)
 
 
 def comparison_headline(comparison: Comparison) -> str:

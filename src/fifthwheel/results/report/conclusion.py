@@ -3,6 +3,7 @@
 Verdicts, statuses and counts have the same words on the page and on a terminal.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
-from fifthwheel.data.channels import WEIGHTS, is_of, missing_for_mass, si_unit
+from fifthwheel.data.channels import ROLL_RATE, WEIGHTS, YAW_RATE, is_input, is_of, missing_for_mass, si_unit
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
@@ -173,6 +174,7 @@ def conclude_identification(
     if poor:
         headline += f" {enumerated(poor)} (validation) {'is' if len(poor) == 1 else 'are'} predicted poorly."
     repaired = [f for f in identification.findings if is_repaired(f)]
+    unchecked = [_unchecked_mass(identification, converged, records), _unchecked_scale(records) if converged else ""]
     return Conclusion(
         good=len(converged) == len(estimated) and not contradicted and not poor,
         headline=" ".join((headline, *_changed_wheelbases(identification))),
@@ -185,7 +187,7 @@ def conclude_identification(
         not_identified=tuple(_not_identified(identification)),
         cautions=tuple(map(str, cautions)),
         consequences=tuple(map(str, consequences)),
-        unchecked=_unchecked_mass(identification, converged, records),
+        unchecked=" ".join(filter(None, unchecked)),
         steps=tuple(next_steps(identification, runs, outlook)),
         notes=(*identification.notes, *[f"{finding.log}: {finding.message}" for finding in repaired]),
     )
@@ -216,7 +218,9 @@ def _headline(
         )
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
-        return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
+        counts = Counter(spoken_verdict(e.verdict) for e in estimated)
+        why = "the excitation is too small" if unexcited else enumerated([f"{n} {each}" for each, n in counts.items()])
+        return f"{identified} from {logs}: {why}."
     wide = [named(e.name) for e in converged if has_wide_sigma(e)]
     sigma = ""
     if wide:
@@ -246,6 +250,17 @@ def _changed_wheelbases(identification: Identification) -> Iterator[str]:
             times = digits(abs(change) / e.sigma, 2)
             side = "longer" if change > 0 else "shorter"
             yield sentence(f"{named(e.name)} is {size} {e.unit} {side} than in the vehicle file ({times} sigma)")
+
+
+def _unchecked_scale(records: Sequence[Record]) -> str:
+    """What logs without an acceleration or an angle of motion cannot show."""
+    measured = {name for record in records for name in record.signals if not is_input(name)}
+    if not measured or not all(is_of(name, YAW_RATE, ROLL_RATE) for name in measured):
+        return ""
+    return (
+        "The logs cannot check a factor that the steer angle and the rates have in common, such as a wrong unit of "
+        "both: compare the yaw rate with speed and radius in a bend."
+    )
 
 
 def _unchecked_mass(identification: Identification, converged: Sequence[Estimate], records: Sequence[Record]) -> str:
@@ -328,8 +343,7 @@ def _reason(identification: Identification, e: Estimate) -> str:
         Verdict.STATED: f"{estimate}; the logs add little to what you stated",
         Verdict.AT_BOUND: f"{value} is the limit of the permitted range and not an estimate",
         Verdict.DOUBTFUL: f"{estimate} depends on an assumption that the logs contradict; see the cautions",
-        Verdict.NOT_CONVERGED: f"{estimate} is provisional: the next step of the search would move it by half a sigma "
-        "or more",
+        Verdict.NOT_CONVERGED: f"the next iteration would change {estimate} by half a sigma or more; do not use it",
     }
     if e.verdict in reasons:
         return reasons[e.verdict]

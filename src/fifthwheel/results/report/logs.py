@@ -14,7 +14,8 @@ from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.checks import Finding
-from fifthwheel.data.logs.propose import ColumnContent, LogSurvey, MapProposal
+from fifthwheel.data.logs.propose import MapProposal
+from fifthwheel.data.logs.survey import ColumnContent, LogSurvey
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.timestamps import missing_fraction
 from fifthwheel.estimate.time_bases.offsets import TimeOffset, offsets_of

@@ -30,7 +30,10 @@ LOGS = (
     "Most rejected||Most rejected: ",
 )
 FILES = ("File|name", "Bytes>", "SHA-256|full hash")
-PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
+PACKAGES = (
+    *("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap"),
+    *("npTDMS", "pyulog", "python-calamine"),
+)
 """The packages that the numbers depend on."""
 State = Literal["same", "differs", "missing", "replaced"]
 
@@ -182,7 +185,7 @@ def _table(records: Sequence[Record], runs: Sequence[RunSummary], identification
             name,
             "identification" if log else "validation" if identification else "states",
             f"{first:.1f} to {last:.1f}",
-            fixed(samples, 0),
+            fixed(samples, 0) + (f", means of {log.averaged}" if log and log.averaged > 1 else ""),
             seconds(log.used) if log else "–",
             kmh(log.speed if log else run.speed),
             "–" if run.acceleration != run.acceleration else f"{run.acceleration:.2f}",

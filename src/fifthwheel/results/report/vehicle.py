@@ -9,6 +9,7 @@ from fifthwheel.base.formatting import approximate, enumerated, percent, shown, 
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.items import BLUE
 from fifthwheel.base.spelling import setting
+from fifthwheel.base.types import Array
 from fifthwheel.data.checks.axle_loads import StaticLoad
 from fifthwheel.estimate.identify.knowledge.history import (
     EstimateHistory,
@@ -209,11 +210,15 @@ def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
     items.append(Points(dates, value, y_sigma=sigma, name="at a log, ± sigma", colour=BLUE, size=6))
     items += [Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes]
     title = f"{spoken(each.last.name)} ({each.last.belongs_to})"
-    margin = max(0.05 * np.ptp(dates), (LEAST_SPAN - np.ptp(dates)) / 2)
-    visible = (float(dates.min() - margin), float(dates.max() + margin))
-    axis = Axis(label="date of the log", date=True, range=visible)
-    plot = Plot(title=title, panels=[Panel(items=items, x=axis, y=Axis(unit=unit.name))])
+    plot = Plot(title=title, panels=[Panel(items=items, x=date_axis(dates), y=Axis(unit=unit.name))])
     return pages.CaptionedPlot(spoken(each.last.name), plot, "knowledge", ("", "history", title))
+
+
+def date_axis(dates: Array, least: float = LEAST_SPAN) -> Axis:
+    """An axis for dates (n,), ms since 1970, with a least span, ms."""
+    margin = max(0.05 * np.ptp(dates), (least - np.ptp(dates)) / 2)
+    visible = (float(dates.min() - margin), float(dates.max() + margin))
+    return Axis(label="date of the log", date=True, range=visible)
 
 
 def _headline(entries: Sequence[LogEntry]) -> pages.Headline:

@@ -47,7 +47,8 @@ CALLS = {
         "fw_end_segment",
         "fw_finish_passes",
         "fw_joint_step",
-        "fw_correct|fw_linearise",
+        "fw_correct|fw_linearise|fw_predict_covariance",
+        "fw_correct_state|fw_correct_estimates",
     ),
 }
 """The deepest chain of calls; of several functions the one that needs most. An inlined function needs nothing."""

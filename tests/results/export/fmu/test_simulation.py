@@ -1,12 +1,11 @@
 """FMUs in FMPy: the truck against the simulation in Python, the observer against `Observer.push`."""
 
 import importlib.util
-import os
 import re
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -49,16 +48,6 @@ def observer(truck: Vehicle) -> Observer:
     signals = ["speed", STEER, "yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer"]
     errors = {f"{STEER}.offset": 0.002, "yaw_rate.tractor.offset": 0.001}
     return Observer(truck, signals, ObserverSettings(sensor_errors=errors, bank=0.03, hold=0.05, coast=0.1))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """All FMUs, also those of another test process, share the run-time library of the compiler and its object files."""
-    folder = tmp_path_factory.getbasetemp()
-    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ZIG_GLOBAL_CACHE_DIR", str(folder / "zig"))
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -4,18 +4,17 @@ The pieces are in the folder NAME.parts beside the file. Each appears complete o
 killed leaves the pieces; the next run with the same file adds to them.
 """
 
-import json
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fifthwheel.apps.live.status import NodeStatus
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.lazy import require
@@ -24,8 +23,8 @@ WAITING = 8
 """Jobs that may wait; more, and the disk does not keep up."""
 PIECE = 1000
 """Rows of a piece: 10 s."""
-KIND = "record"
-"""Kind of the jobs of the writer."""
+RECORD, MESSAGES = ".parquet", ".mcap"
+"""Endings of files: all numbers, and messages of ROS 2."""
 
 Rows = Sequence[Mapping[str, float]]
 
@@ -65,16 +64,16 @@ class BackgroundWriter:
 
 
 class Recorder:
-    """Writes rows of numbers to a file, .parquet or .mcap; any other ending is a FifthwheelError."""
+    """Writes rows of numbers to a file with one of these endings; another one is an error."""
 
-    def __init__(self, path: Path, writer: BackgroundWriter) -> None:
-        if path.suffix not in _FORMATS:
-            raise FifthwheelError(f"{path}: no format for {path.suffix!r}; end the name in .parquet or .mcap")
-        if path.suffix == ".mcap":
-            require("mcap", "mcap")
+    def __init__(self, path: Path, writer: BackgroundWriter, ending: str = RECORD) -> None:
+        if path.suffix != ending:
+            raise FifthwheelError(f"{path}: no format for {path.suffix!r}; end the name in {ending}")
+        if ending == MESSAGES:
+            require("mcap_ros2", "mcap")
         self.path = path
         self.parts = path.with_name(f"{path.name}.parts")
-        self._write, self._join = _FORMATS[path.suffix]
+        self._write, self._join = _FORMATS[ending]
         self._writer = writer
         self.parts.mkdir(parents=True, exist_ok=True)
         self._count = 1 + max((int(part.stem) for part in self._pieces()), default=0)
@@ -92,12 +91,12 @@ class Recorder:
         if self._rows:
             rows, self._rows = self._rows, []
             part = self.parts / f"{self._count:06d}{self.path.suffix}"
-            self._count += self._writer.submit(KIND, partial(self._write_piece, part, rows))
+            self._count += self._writer.submit(self.path.suffix, partial(self._write_piece, part, rows))
 
     def close(self) -> None:
         """Write the rest and join the pieces; without space for the whole file the pieces stay."""
         self.flush()
-        self._writer.submit(KIND, self._finish, wait=True)
+        self._writer.submit(self.path.suffix, self._finish, wait=True)
 
     def _pieces(self) -> list[Path]:
         return sorted(part for part in self.parts.glob(f"*{self.path.suffix}") if part.stem.isdigit())
@@ -143,44 +142,34 @@ def _join_parquet(pieces: Iterable[Path], path: Path) -> None:
             writer.write_table(parquet.read_table(piece, schema=schema))  # columns that it does not have are empty
 
 
-def _write_mcap(rows: Rows, path: Path) -> None:
-    def message(row: Mapping[str, float]) -> tuple[int, bytes]:
-        text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
-        return max(0, round(row["bus_time"] * 1e9)), text.encode()
+def _write_messages(rows: Rows, path: Path) -> None:
+    from fifthwheel.results.export.ros2 import USABLE, write_samples
 
-    _write_messages(map(message, rows), path)
+    usable = (*USABLE, NodeStatus.DEGRADED)
+    write_samples(((row["bus_time"], row) for row in rows if row["status"] in usable), path)
 
 
 def _join_mcap(pieces: Iterable[Path], path: Path) -> None:
     from mcap.reader import make_reader
-
-    def messages() -> Iterator[tuple[int, bytes]]:
-        for piece in pieces:
-            with piece.open("rb") as source:
-                yield from ((message.log_time, message.data) for *_, message in make_reader(source).iter_messages())
-
-    _write_messages(messages(), path)
-
-
-def _write_messages(messages: Iterator[tuple[int, bytes]], path: Path) -> None:
-    """Write JSON messages with their times in ns; the names of the first one are those of all."""
     from mcap.writer import Writer
 
     with path.open("wb") as file:
-        if (first := next(messages, None)) is None:
-            return
         writer: Any = Writer(file)
-        writer.start(profile="", library="fifthwheel")
-        properties = {name: {"type": ["number", "null"]} for name in json.loads(first[1])}
-        described = json.dumps({"type": "object", "properties": properties}).encode()
-        schema = writer.register_schema("fifthwheel.States", "jsonschema", described)
-        channel = writer.register_channel("/fifthwheel/states", "json", schema)
-        for stamp, data in chain([first], messages):
-            writer.add_message(channel, stamp, data, stamp)
+        channels: dict[str, int] = {}
+        for k, piece in enumerate(pieces):
+            with piece.open("rb") as source:
+                reader: Any = make_reader(source)
+                if k == 0:
+                    writer.start(profile=reader.get_header().profile, library="fifthwheel")
+                for schema, channel, message in reader.iter_messages():
+                    if (topic := channel.topic) not in channels:
+                        number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                        channels[topic] = writer.register_channel(topic, channel.message_encoding, number)
+                    writer.add_message(channels[topic], message.log_time, message.data, message.publish_time)
         writer.finish()
 
 
 _FORMATS: Mapping[str, tuple[Callable[[Rows, Path], None], Callable[[Iterable[Path], Path], None]]] = {
-    ".parquet": (_write_parquet, _join_parquet),
-    ".mcap": (_write_mcap, _join_mcap),
+    RECORD: (_write_parquet, _join_parquet),
+    MESSAGES: (_write_messages, _join_mcap),
 }

@@ -116,8 +116,13 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     double previous = observer->stream.time;
     fw_real out[FW_OUTPUTS];
     int accepted = 0;
-    if (!(sample->time > previous) || !(sample->time < INFINITY)) {
+    int restart;
+    if (fw_stream_refuses(&observer->stream, sample->time, &restart) != 0) {
         return FW_ERROR_TIME;
+    }
+    if (restart != 0) {
+        fw_stream_init(&observer->stream);
+        previous = -INFINITY;
     }
     states->time = sample->time;
     states->status = fw_stream_take(&observer->stream, sample);

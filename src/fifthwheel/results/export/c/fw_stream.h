@@ -7,10 +7,11 @@
 #include "fw_step_length.h"
 
 #define FW_MAX_STEPS 100000.0
+#define FW_CLOCK_RESTART 1.0 /* s */
 
 static void fw_stream_init(fw_stream *stream)
 {
-    *stream = (fw_stream){.time = -INFINITY, .accepted = -INFINITY};
+    *stream = (fw_stream){.time = -INFINITY, .accepted = -INFINITY, .back_since = INFINITY, .back_last = INFINITY};
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
         stream->held[i] = (fw_real)NAN;
         stream->seen[i] = -INFINITY;
@@ -22,6 +23,26 @@ static int fw_agrees(const fw_stream *stream, int i, fw_real value, double age)
 {
     const fw_real change = FW_ABS(value - stream->held[i]);
     return ((age <= FW_HOLD) && ((change <= fw_input_jump[i]) || (change <= (fw_input_rate[i] * (fw_real)age)))) ? 1 : 0;
+}
+
+/* Whether a sample must be refused because its time is not after the last one. Samples in order for FW_CLOCK_RESTART
+   seconds since time went back are a new start, for which `restart` is set. */
+static int fw_stream_refuses(fw_stream *stream, double time, int *restart)
+{
+    *restart = 0;
+    if (!(time < INFINITY) || !(time > -INFINITY)) {
+        return 1;
+    }
+    if (time > stream->time) {
+        stream->back_last = INFINITY;
+        return 0;
+    }
+    if (!(time > stream->back_last) || ((time - stream->back_last) > FW_MAX_GAP)) {
+        stream->back_since = time;
+    }
+    stream->back_last = time;
+    *restart = ((time - stream->back_since) >= FW_CLOCK_RESTART) ? 1 : 0;
+    return (*restart != 0) ? 0 : 1;
 }
 
 /* Takes time and plausible inputs of a sample; a missing input is held for FW_HOLD seconds. */

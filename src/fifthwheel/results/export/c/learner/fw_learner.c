@@ -49,6 +49,9 @@ static void fw_start(fw_learner *learner, fw_real nis)
     fw_stream_start(&learner->stream);
     fw_restart_excitation(learner);
     learner->start_time = learner->stream.time;
+    if (learner->dropout > learner->start_time) { /* the clock was set back */
+        learner->dropout = learner->start_time;
+    }
     learner->stream.accepted = learner->stream.time;
     learner->learning = 0;
 }
@@ -184,12 +187,17 @@ void fw_learner_init(fw_learner *learner)
 
 fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_states *states)
 {
-    const double previous = learner->stream.time;
+    double previous = learner->stream.time;
     fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
     fw_real found[FW_FOUND_COUNT];
     fw_status status;
-    if (!(sample->time > previous) || !(sample->time < INFINITY)) {
+    int restart;
+    if (fw_stream_refuses(&learner->stream, sample->time, &restart) != 0) {
         return FW_ERROR_TIME;
+    }
+    if (restart != 0) {
+        fw_stream_init(&learner->stream);
+        previous = -INFINITY;
     }
     status = fw_stream_take(&learner->stream, sample);
     if (status != FW_OK) {
