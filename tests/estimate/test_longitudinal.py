@@ -49,6 +49,7 @@ def pulses(mass, *, grade=0.0, gain=1.0):
     return fw.Record(time=time, signals=signals, name="pulses")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grade", [0.0, 0.02])
 def test_an_exactly_integrated_motion_gives_its_mass_on_a_constant_unknown_grade(grade):
     result = fw.gross_mass([pulses(30e3, grade=grade)], TRUCK)
@@ -56,6 +57,7 @@ def test_an_exactly_integrated_motion_gives_its_mass_on_a_constant_unknown_grade
     assert result.parts["driving"] < 0.01 * 30e3
 
 
+@pytest.mark.slow
 def test_the_mass_scales_with_the_force_and_its_scale_is_in_sigma():
     exact, scaled = (fw.gross_mass([pulses(30e3, gain=gain)], TRUCK) for gain in (1.0, 1.02))
     assert scaled.mass / exact.mass == pytest.approx(1.02, abs=0.004)
@@ -77,6 +79,7 @@ def test_the_start_has_no_effect(log, result):
     assert other.mass == pytest.approx(result.mass, rel=0.003)
 
 
+@pytest.mark.slow
 def test_two_logs_are_better_than_one(log, result):
     second = drive(DrivenTruck(mass=MASS), duration=300.0, seed=6)
     other, both = (fw.gross_mass(logs, TRUCK) for logs in ([second], [log, second]))

@@ -46,6 +46,20 @@ VALID = frozenset(Status) - {Status.TOO_SLOW, Status.INPUT_MISSING}
 """Statuses with which the states have values; otherwise they are NaN."""
 
 
+CLOCK_RESTART = 1.0
+"""s. After a time that goes back, samples in order for so long are a new start."""
+
+
+def take_turn(idle: list[bool]) -> None:
+    """Mark an object as in use; a SignalError if another thread uses it. `idle` has one element while it does not."""
+    try:
+        idle.pop()  # atomic
+    except IndexError:
+        raise SignalError(
+            "push: another thread pushes a sample to this object; give each thread its own, or lock around push"
+        ) from None
+
+
 @dataclass(frozen=True, kw_only=True)
 class InputRule:
     """Which values of an input are plausible; any other value counts as missing."""
@@ -231,6 +245,12 @@ class Stream:
 
     def __init__(self, settings: StreamSettings, step_limit: simulation.StepLimit) -> None:
         self.settings, self.step_limit = settings, step_limit
+        self._back = (math.inf, math.inf, math.nan)  # first and last refused time, and the last time before them
+        self._forget()
+
+    def _forget(self) -> None:
+        """Return to the state before the first sample."""
+        settings = self.settings
         self.time = self.accepted = -math.inf
         """Times of the last sample and of the last accepted measurement, s."""
         self.times = [-math.inf] * len(settings.inputs)
@@ -254,7 +274,7 @@ class Stream:
         """Process speed and steer angles, and measurements, of a sample; None or NaN if missing.
 
         Raises:
-            SignalError: the time is missing, not finite, or not after the previous one. Nothing has changed.
+            SignalError: the time is missing, not finite, or not after the previous one. The state has not changed.
         """
         previous = self.time
         status = self._take(time, inputs)
@@ -289,9 +309,8 @@ class Stream:
             raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
         gap = time - self.time
         if gap <= 0:
-            raise SignalError(
-                f"time: expected after {self.time:g} s, got {time:g} s; push samples in the order of time"
-            )
+            self._restart_clock(time)
+            gap = math.inf
         settings, held, times, confirmed, fresh = self.settings, self._held, self.times, self._confirmed, True
         hold = settings.hold
         for (i, largest, jump, rate), value in zip(self._rules, values, strict=True):
@@ -316,6 +335,18 @@ class Stream:
             return Status.INPUT_MISSING
         self.inputs = list(held)
         return Status.TOO_SLOW if held[0] < settings.min_speed else Status.OK
+
+    def _restart_clock(self, time: float) -> None:
+        """Forget all samples if times have come in order for `CLOCK_RESTART` seconds since they went back, because the
+        clock was set, or one time was wrong. Else a SignalError."""
+        since, last, before = self._back
+        if before != self.time or not 0 < time - last <= self.settings.max_gap:
+            since = time
+        self._back = since, time, self.time
+        if time - since < CLOCK_RESTART:
+            cure = f"push samples in the order of time, or call reset; after {CLOCK_RESTART:g} s it starts by itself"
+            raise SignalError(f"time: expected after {self.time:g} s, got {time:g} s; {cure}")
+        self._forget()
 
     def _write(self, row: Any, gap: float, inputs: Sequence[float], measured: Iterable[float | None]) -> None:
         """Write duration, inputs at both ends and measurements of a step to its row."""

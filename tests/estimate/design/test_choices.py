@@ -196,6 +196,7 @@ def lanes(truck) -> Record:
     return simulate(truck, count=1, seed=4, name="lanes")
 
 
+@pytest.mark.slow
 def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
     """That of the fit's own problem; a channel that is not logged would be measured with any of the others."""
     yaw, roll, other = "yaw_rate.tractor", "roll_rate.semitrailer", "yaw_rate.semitrailer"

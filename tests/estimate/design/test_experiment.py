@@ -93,6 +93,7 @@ def test_the_impulse_response_of_coloured_noise(steered):
     assert other.sigma_of(HEIGHT) < 0.95 * result.sigma_of(HEIGHT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 3])
 def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
     """The convolution against the derivatives along the run, for any size and number of repetitions.
@@ -138,6 +139,7 @@ def test_a_fit_of_the_run_reaches_the_target(truck):
         assert abs(estimate.value - truck.units[1].yaw_inertia) < 3.5 * estimate.sigma
 
 
+@pytest.mark.slow
 def test_no_shorter_run_reaches_the_target(steered):
     """Against every candidate, by the derivatives along the run."""
     targets = {INERTIA: 0.004}
@@ -162,6 +164,7 @@ def test_no_shorter_run_reaches_the_target(steered):
     assert len({run.kind for run in (design.best, *design.alternatives)}) == 1 + len(design.alternatives)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_acceleration", [0.7, 2.0])
 def test_limits_are_respected(steered, max_acceleration):
     limits = replace(QUICK, max_acceleration=max_acceleration, max_steer_rate=0.1)
@@ -176,6 +179,7 @@ def test_limits_are_respected(steered, max_acceleration):
     assert max(steer_rates) == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_driver_can_drive_the_lane_changes(steered):
     """No lane change has a smaller lateral offset than the limit; other manoeuvres have none."""
     settings = replace(QUICK, frequencies=(0.3, 0.6))
@@ -188,6 +192,7 @@ def test_a_driver_can_drive_the_lane_changes(steered):
         assert {run.manoeuvre.kind for run in candidates} == {"lane_change", "sweep", "random", "bend"}
 
 
+@pytest.mark.slow
 def test_of_equally_long_runs_the_gentlest_is_chosen(steered):
     planning = replace(QUICK, min_offset=0.1)
     design = design_experiment(steered, {INERTIA: 0.02}, EXACT, planning=planning)
@@ -229,6 +234,7 @@ def test_uncertain_parameters_limit_the_sigma(truck):
     assert not set(known) & set(design.best.sigma)  # an estimated parameter is not a number to be measured
 
 
+@pytest.mark.slow
 def test_a_missing_channel_is_a_remedy(truck):
     channels = ["articulation.semitrailer", "yaw_rate.tractor"]
     design = design_experiment(truck, {HEIGHT: 0.3}, EXACT, planning=QUICK, channels=channels)

@@ -52,6 +52,7 @@ def sigma(learner, name):
     return estimate.sigma / abs(estimate.value)
 
 
+@pytest.mark.slow
 def test_the_learner_reaches_the_predicted_sigma(learner, candidates):
     targets = {FRONT: 0.05, TRAILER: 0.05, "semitrailer.yaw_inertia": 0.05}
     plan = plan_manoeuvres(learner, candidates, targets)
@@ -64,6 +65,7 @@ def test_the_learner_reaches_the_predicted_sigma(learner, candidates):
     assert len(plan_manoeuvres(after, candidates, targets).steps) <= 1
 
 
+@pytest.mark.slow
 def test_a_reached_target_asks_for_no_manoeuvre(learner, candidates):
     wide = 1.1 * sigma(learner, FRONT)
     assert plan_manoeuvres(learner, candidates, {FRONT: wide}).steps == ()
@@ -72,6 +74,7 @@ def test_a_reached_target_asks_for_no_manoeuvre(learner, candidates):
     assert both.steps == alone.steps != ()
 
 
+@pytest.mark.slow
 def test_a_target_that_driving_does_not_reach_is_limited_by_what_varies(learner, candidates):
     plan = plan_manoeuvres(learner, candidates, {TRAILER: 0.02})
     assert plan.sigma[TRAILER] > 0.02
@@ -82,6 +85,7 @@ def test_a_target_that_driving_does_not_reach_is_limited_by_what_varies(learner,
     assert plan.limits == {}
 
 
+@pytest.mark.slow
 def test_without_a_roll_rate_no_manoeuvre_informs_the_payload_height():
     signals = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
     learner = Learner(TRUCK, signals, FIVE)

@@ -45,6 +45,7 @@ def test_a_slow_body_follows_the_road(truck: Vehicle) -> None:
     assert road_density(truck, "lateral_acceleration.tractor", speed, frequency) == pytest.approx([0.0] * 3)
 
 
+@pytest.mark.slow
 def test_a_design_counts_the_road(truck: Vehicle) -> None:
     height = "semitrailer.payload.height"
     sigmas = [
@@ -93,6 +94,7 @@ def sigma_ratios(truth: Mapping[str, np.ndarray], time: np.ndarray, truck: Vehic
     }
 
 
+@pytest.mark.slow
 def test_predicted_sigmas_are_those_of_logs_with_road_noise(truck: Vehicle) -> None:
     record = fw.simulate(truck, count=1, sensors=dict.fromkeys(GYROS, 1e-12))
     ratios = sigma_ratios(record.signals, record.time, truck, seeds=2)

@@ -34,6 +34,7 @@ def some_missing(rows: Array, seed: int = 3) -> np.ndarray:
     return missing
 
 
+@pytest.mark.slow
 def test_statsmodels(article: Article) -> None:
     """Filtered, predicted and smoothed states and covariances, with gaps; statsmodels predicts after the update."""
     missing, system, N = some_missing(article.rows), article.linear, len(article.rows)
@@ -58,6 +59,7 @@ def test_statsmodels(article: Article) -> None:
     assert max_difference(smoothed.covariance, np.moveaxis(expected.smoothed_state_cov, -1, 0)) <= 1e-8
 
 
+@pytest.mark.slow
 def test_compiled_step_equals_the_symbolic_one(article: Article) -> None:
     step = kalman.kalman_step(article.model)
     carry = np.concatenate([article.x0, pack_array(article.P0)])

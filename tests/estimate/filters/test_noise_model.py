@@ -59,6 +59,7 @@ def test_the_whitened_noise_is_white(model: NoiseModel) -> None:
         assert np.mean(noise[:, lag:] * noise[:, :-lag]) == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_the_fit_of_a_spectrum_recovers_its_model(model: NoiseModel) -> None:
     frequency = np.arange(1, 30_000) / (60_000 * DT)

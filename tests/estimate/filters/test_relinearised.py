@@ -41,6 +41,7 @@ def advance(made: RelinearisedFilter, row: Array, in_segment: bool) -> tuple[boo
     return made.advance(in_segment, bool(row[-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_passes", [0, 1, 3])
 @pytest.mark.parametrize(("lag", "samples"), [(0, 50), (4, 50), (4, 9), (50, 9), (2, 1)])
 def test_repetition_has_no_effect_on_a_linear_model(max_passes: int, lag: int, samples: int) -> None:

@@ -53,6 +53,7 @@ def outputs(
     return np.concatenate(values), np.concatenate(slopes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["simulation_directions", "simulation_adjoint", "innovations"])
 def test_derivatives(setting: Setting, form: str, monkeypatch) -> None:
     """Innovations of the yaw model: the code for the covariance of a yaw-roll model takes half a minute to compile."""
@@ -95,6 +96,7 @@ def test_derivatives(setting: Setting, form: str, monkeypatch) -> None:
         assert np.abs((slopes[..., j] - expected) / scale).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_free_running_innovations_are_those_of_generalised_least_squares(
     setting: Setting,
 ) -> None:

@@ -60,6 +60,7 @@ def largest_error(result: fw.Identification) -> float:
     return max(abs(e.value - truth[e.name]) / e.sigma for e in result.parameters if e.name in truth and e.sigma)
 
 
+@pytest.mark.slow
 def test_a_log_contradicts_a_fixed_axle() -> None:
     record = fw.simulate(CASTOR, count=2, seed=1)
     doubtful, right = (fw.identify([record], file, LINEAR) for file in (FIXED, CASTOR))

@@ -52,6 +52,7 @@ def fits(steered: Vehicle, record: Record, values: dict[str, float] | None = Non
     return {fit.signal: fit for fit in free_run(steered, [record], values)}
 
 
+@pytest.mark.slow
 def test_offsets_and_initial_state_are_fitted(steered: Vehicle) -> None:
     record = response(steered)
     signals = {
@@ -63,6 +64,7 @@ def test_offsets_and_initial_state_are_fitted(steered: Vehicle) -> None:
     assert min(fit.explained for fit in result.values()) > 0.9999
 
 
+@pytest.mark.slow
 def test_the_offsets_belong_to_the_log_and_not_to_its_segments(steered: Vehicle) -> None:
     """A bias that jumps between two segments is not explained; one that does not is."""
     record = response(steered)

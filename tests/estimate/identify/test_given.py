@@ -289,6 +289,7 @@ def test_twice_is_once() -> None:
     assert applied(*once) == once
 
 
+@pytest.mark.slow
 def test_every_number_that_can_be_stated_is_used_or_refused() -> None:
     for law in (OneStage(tyres="linear"), SATURATING):
         for name in possible_names(TRUCK, law):
@@ -414,6 +415,7 @@ def test_a_sensor_that_no_log_has_is_refused() -> None:
     require_signals(settings, record.with_signals(wheels))
 
 
+@pytest.mark.slow
 def test_identify_uses_what_is_stated(run: Any) -> None:
     """Values and sigmas of the result, and its settings in the file that it writes."""
     log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
@@ -470,7 +472,7 @@ def total_prior(path: str, vehicle: Vehicle, settings: OneStage) -> float:
     return math.hypot(*[u.slopes.get(path, 0.0) * u.prior_sigma for u in unknowns])
 
 
-@of_test(deadline=None, max_examples=40)
+@of_test(deadline=None, max_examples=20)
 @given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
     """Of every number of a vehicle file, in both ways to state it."""
@@ -494,7 +496,7 @@ def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings
     assert not message or path in message
 
 
-@of_test(deadline=None, max_examples=40)
+@of_test(deadline=None, max_examples=20)
 @given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
     vehicle, path = number
@@ -505,7 +507,8 @@ def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: One
     assert path not in estimated_parameters(*chosen)
 
 
-@of_test(deadline=None, max_examples=30)
+@pytest.mark.slow
+@of_test(deadline=None, max_examples=15)
 @given(numbers, laws)
 def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], settings: OneStage) -> None:
     vehicle, path = number

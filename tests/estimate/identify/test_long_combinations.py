@@ -32,6 +32,7 @@ def record() -> Record:
     return simulate(FULL_TRAILER, count=1)
 
 
+@pytest.mark.slow
 def test_a_dolly_without_gyros_is_noted(record: Record) -> None:
     blind = without_unit(record, "dolly")
     dataset = prepare_dataset([blind], FULL_TRAILER, OneStage())
@@ -42,6 +43,7 @@ def test_a_dolly_without_gyros_is_noted(record: Record) -> None:
     assert not any("in none of the logs" in note for note in dataset.notes)
 
 
+@pytest.mark.slow
 def test_the_motion_of_one_unit_is_enough(record: Record) -> None:
     for unit in ("truck", "trailer"):
         signals = {
@@ -51,15 +53,18 @@ def test_the_motion_of_one_unit_is_enough(record: Record) -> None:
         assert dataset.outputs == (f"yaw_rate.{unit}",)
 
 
+@pytest.mark.slow
 def test_two_stages_need_a_yaw_rate_of_every_unit(record: Record) -> None:
     with pytest.raises(SignalError, match=r"yaw_rate\.dolly: in none of the logs.*use one stage"):
         identify([without_unit(record, "dolly")], FULL_TRAILER, TwoStage())
 
 
+@pytest.mark.slow
 def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:
-    """All else known, every parameter but the dolly's yaw inertia is nearly as accurate without them."""
-    full = predict_sigmas([record], FULL_TRAILER, KNOWN)
-    blind = predict_sigmas([without_unit(record, "dolly")], FULL_TRAILER, KNOWN)
+    """All else known, in the plane, every parameter but the dolly's yaw inertia is nearly as accurate without them."""
+    settings = replace(KNOWN, roll=False)
+    full = predict_sigmas([record], FULL_TRAILER, settings)
+    blind = predict_sigmas([without_unit(record, "dolly")], FULL_TRAILER, settings)
     loss = {p.name: blind[p.name].sigma / p.sigma for p in full.parameters}
     assert all(ratio >= 0.999 for ratio in loss.values())
     assert loss["dolly.cornering_stiffness"] > 1.3
@@ -69,11 +74,7 @@ def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "is_blind"),
-    [
-        ("b_double", False),  # without a dolly
-        ("a_double", True),
-        ("truck_dolly_semitrailer", True),
-    ],
+    [("b_double", False), ("truck_dolly_semitrailer", True)],  # without a dolly, and without signals of it
 )
 def test_one_lane_change_identifies_a_long_combination(name: str, is_blind: bool) -> None:
     """From initial values 20 % off, each estimate converges within 4 sigma of the true value."""
@@ -90,14 +91,13 @@ def test_one_lane_change_identifies_a_long_combination(name: str, is_blind: bool
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])
-def test_states_of_the_last_unit_on_the_nonlinear_truck(name: str) -> None:
+def test_states_of_the_last_unit_on_the_nonlinear_truck() -> None:
     """In a lane change the error of its sideslip, roll and articulation is below 10 % of the largest value."""
     pytest.importorskip("mujoco")
     from fifthwheel.model.manoeuvres import lane_changes
     from fifthwheel.model.plant import Plant
 
-    vehicle = get(name)
+    vehicle = get("a_double")
     run = Plant(vehicle).drive(lane_changes(count=1))
     record = run.record(seed=1)
     states = Observer(vehicle, record.signals).batch(record)

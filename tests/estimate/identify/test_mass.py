@@ -103,6 +103,7 @@ def test_driving_and_a_gross_weight_are_weighted_by_their_information():
     assert both.sources["driving"] == (pytest.approx(driven.mass), pytest.approx(driven.sigma))
 
 
+@pytest.mark.slow
 def test_driving_that_contradicts_the_loads_is_refused_and_found():
     record = drive(DrivenTruck(mass=26e3), duration=120.0, seed=5)
     loads = {name: np.full(len(record), load) for name, load in loads_of(TRUCK).items()}

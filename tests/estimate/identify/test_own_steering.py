@@ -31,6 +31,8 @@ from fifthwheel.truck import Vehicle, get
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
 from actuator_lag import GYROS, LAG, REAR, simulated, steered, with_lag
 
+pytestmark = pytest.mark.slow
+
 TRUCK = steered(get("cheng_cebon_2011"))
 TRUE = with_lag(TRUCK, f"{LAG} s")
 STATE, PATH, SIDESLIP = "actuator.semitrailer", "steering.lag", "sideslip.semitrailer"

@@ -13,6 +13,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
+from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.online import Learner
 from fifthwheel.results.report import write_report
@@ -21,6 +22,8 @@ from fifthwheel.truck.quantities import FRICTION, SHAPE, TYRES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
 from tyre_laws import magic_formula, simulated
+
+pytestmark = pytest.mark.slow
 
 TRUCK = get("cheng_cebon_2011")
 STIFFNESSES = [name for name in TRUCK.parameters() if name.endswith("cornering_stiffness")]
@@ -71,10 +74,8 @@ def without_shape(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without_shape")
 def test_the_built_in_law_in_other_words_gives_the_same(record: Record, guess: Vehicle) -> None:
     """The search begins at the prior, because this is enough friction for the log."""
-    given = {**KNOWN, "road.friction": 1.0}
-    built_in, own = (
-        identify([record], guess, replace(EXACT, tyres=tyres, given=given)) for tyres in ("saturating", same_law)
-    )
+    settings = replace(EXACT, given={**KNOWN, "road.friction": 1.0})
+    built_in, own = (identify([record], guess, replace(settings, tyres=tyres)) for tyres in ("saturating", same_law))
     assert SHAPE not in own.vehicle.parameters()
     for e in built_in.parameters:
         assert own[e.name].value == pytest.approx(e.value, rel=1e-7)
@@ -84,14 +85,14 @@ def test_the_built_in_law_in_other_words_gives_the_same(record: Record, guess: V
 
 @pytest.mark.usefixtures("without_shape")
 def test_states_of_the_same_law_are_the_same(record: Record) -> None:
-    friction = 0.44
-    plain = Observer(TRUCK, record.signals, ObserverSettings(friction=friction)).batch(record)
-    observer = Observer(TRUCK, record.signals, ObserverSettings(friction=friction, tyres=same_law))
+    settings = ObserverSettings(friction=0.44, roll=False)
+    plain = Observer(TRUCK, record.signals, settings).batch(record)
+    observer = Observer(TRUCK, record.signals, replace(settings, tyres=same_law))
     own = observer.batch(record)
     for name, values in plain.values.items():
         np.testing.assert_allclose(own.values[name], values, rtol=0, atol=1e-9 * np.abs(values).max())
     with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
-        Observer(TRUCK, record.signals, ObserverSettings(friction=friction)).resume(observer.save())
+        Observer(TRUCK, record.signals, settings).resume(observer.save())
 
 
 def test_states_have_the_law_of_the_identification(own: Identification, record: Record) -> None:
@@ -123,12 +124,13 @@ def test_other_processes_find_the_law(own: Identification) -> None:
     assert pickle.loads(pickle.dumps(own)).settings == own.settings
 
 
-@pytest.mark.slow
 def test_a_learner_learns_and_is_loaded_with_the_law(
     record: Record, guess: Vehicle, own: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     learner = Learner(guess, record.signals, EXACT)
     learner.learn(record)
+    assert {e.verdict for e in learner.parameters} == {Verdict.CONVERGED}
+    assert learner[FRICTION].value == pytest.approx(own[FRICTION].value, rel=0.05)
     name = "tractor.drive.cornering_stiffness"
     assert learner[name].value == pytest.approx(own[name].value, rel=0.05)
     learner.save(tmp_path / "learner.json")

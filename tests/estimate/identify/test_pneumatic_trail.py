@@ -10,6 +10,7 @@ PATH = "tractor.front.pneumatic_trail"
 TRUCK = fw.vehicle("cheng_cebon_2011").replace({PATH: 0.05})
 
 
+@pytest.mark.slow
 def test_it_is_estimated() -> None:
     settings = fw.OneStage(given={"*": "exact", "pneumatic_trail": "free"}, tyres="linear")
     guess = TRUCK.replace({PATH: 0.03})

@@ -22,7 +22,6 @@ from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.setup import with_tyre_law
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
-from fifthwheel.estimate.online import Learner
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres import braked
@@ -30,6 +29,8 @@ from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.model.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.quantities import COMBINED_SLIP, FRICTION, quantity_of
+
+pytestmark = pytest.mark.slow
 
 TRUCK = get("cheng_cebon_2011")
 GYROS = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in ("tractor", "semitrailer")]
@@ -201,19 +202,6 @@ def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
     assert Observer(snow.vehicle, snow.signals, ObserverSettings(**sensors.settings)).settings.tyre_law == "saturating"
 
 
-@pytest.mark.slow
-def test_learner(guess: Vehicle) -> None:
-    record = response(1.5, 0.3)
-    settings = replace(EXACT, tyres="auto", given={**EXACT.given, FRICTION: "0.5 +- 50 %"})
-    learner = Learner(guess, record.signals, settings)
-    for repetition in range(3):
-        learner.learn(replace(record, time=record.time + repetition * (record.span[1] + 1)))
-    truth = TRUCK.parameters() | {FRICTION: 0.3}
-    for e in learner.parameters:
-        assert e.verdict == Verdict.CONVERGED
-        assert e.value == pytest.approx(truth[e.name], rel=0.1)
-
-
 def test_axle_loads_are_needed() -> None:
     """With an unknown load automatic tyres are linear, and a note says why; saturating ones are an error."""
     steered = TRUCK.with_logged_steering([STEER], "sine")
@@ -243,7 +231,6 @@ def test_options() -> None:
     assert settings.given == {FRICTION: "exact"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("acceleration", "factor", "braking"), [(1.5, 0.35, 0.0), (2.0, 1.0, 2.0)])
 def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> None:
     """0.36 g on snow, and braking on a dry road, with the article's sensors; the peak of the tyres is 0.74.
@@ -266,7 +253,6 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
         assert np.sqrt(np.mean(error**2)) < 0.15
 
 
-@pytest.mark.slow
 def test_logs_with_and_without_braking() -> None:
     """On a dry road, up to 3 m/s² sideways and along: the estimates are right, although wheels lock, which the model
     does not have, so that they may be doubted; the logs inform how much a braking force reduces the side force."""

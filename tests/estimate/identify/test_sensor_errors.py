@@ -28,6 +28,7 @@ def shifted(steer, rate):
     return record.with_signals({STEER: record.signals[STEER] + steer, RATE: record.signals[RATE] + rate})
 
 
+@pytest.mark.slow
 def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
     record = shifted(0.004, -0.003)
     settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, identified)
@@ -48,6 +49,7 @@ def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
     assert np.mean(np.abs(error[late]) < 2 * states.sigma[name][late]) > 0.9
 
 
+@pytest.mark.slow
 def test_without_the_uncertainty_of_the_vehicle(identified):
     unknown = replace(identified, covariance=None)
     settings, uncertainty = estimate_sensor_errors(shifted(0.004, 0.0), identified.vehicle, unknown)

@@ -43,6 +43,7 @@ def result() -> Identification:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STATED)
 def test_it_is_in_the_result(result: Identification, name: str) -> None:
     found = result[name]
@@ -81,6 +82,7 @@ def test_the_settings_keep_a_wheelbase_as_it_is_stated() -> None:
     assert applied(vehicle, settings) == (vehicle, settings)
 
 
+@pytest.mark.slow
 def test_of_several_logs_each_has_its_own() -> None:
     given = {"yaw_rate.tractor.offset": "+- 0.1 deg/s", "others": "exact"}
     logs = [replace(simulate(TRUCK, count=1, seed=i), name=name) for i, name in enumerate(("a", "b"))]
@@ -90,6 +92,7 @@ def test_of_several_logs_each_has_its_own() -> None:
     assert prediction["yaw_rate.tractor.offset@b"].verdict is Verdict.STATED
 
 
+@pytest.mark.slow
 def test_the_vehicle_file_states_it() -> None:
     """The mass of a unit, the place of a sensor, and the driveline, which does not act on lateral motion."""
     text = TRUCK.to_toml().replace(

@@ -30,10 +30,11 @@ def banked(truck: Vehicle, lane_changes: Record) -> Record:
     return Record(time=lane_changes.time, signals=signals, reference={SIDESLIP: values[SIDESLIP]})
 
 
+@pytest.mark.slow
 def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Record) -> None:
     """An exact accelerometer measures the side forces of the tyres, whatever the bank; the observer assumes a level
     road."""
-    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2}, steer_offset=0.0, acceleration_offset=0.0)
+    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2}, acceleration_offset=0.0, **EXACT)
     for signals in ((*YAWS, NAME), YAWS):
         states = Observer(truck, ("speed", STEER, *signals), settings).batch(banked)
         error = states.values[SIDESLIP] - banked.reference[SIDESLIP]
@@ -41,6 +42,7 @@ def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Recor
     assert rms[0] < 0.6 * rms[1]
 
 
+@pytest.mark.slow
 def test_it_needs_roll_and_pushes_as_in_a_batch(truck: Vehicle, banked: Record) -> None:
     observer = Observer(truck, banked.signals)
     assert observer.outputs == (*YAWS, NAME)
@@ -72,10 +74,11 @@ def test_its_offset_is_estimated(truck: Vehicle) -> None:
     assert (exact < 1.645 * small).mean() < 0.2
 
 
+@pytest.mark.slow
 def test_the_offset_is_exact_or_uncertain_or_estimated(truck: Vehicle, banked: Record) -> None:
     """An uncertain offset adds to sigma only if the observer does not estimate it."""
     uncertain = Uncertainty(names=(f"{NAME}.offset",), covariance=[[0.3**2]])
     for sigma, adds in ((0.0, True), (0.3, False)):
-        observer = Observer(truck, banked.signals, ObserverSettings(acceleration_offset=sigma))
+        observer = Observer(truck, banked.signals, ObserverSettings(acceleration_offset=sigma, **EXACT))
         known, more = observer.batch(banked).sigma[SIDESLIP], observer.batch(banked, uncertain).sigma[SIDESLIP]
         assert (more > 1.05 * known).any() == adds

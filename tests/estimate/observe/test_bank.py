@@ -10,7 +10,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import channel_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, parameter_variance
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres import acceleration_course, inverse_steer
@@ -110,6 +110,7 @@ def test_push_equals_batch_and_resumes():
             Observer(TRUCK, record.signals, other).resume(saved)
 
 
+@pytest.mark.slow
 def test_an_uncertain_steer_offset_makes_the_bank_uncertain():
     """Yaw rates identify only a combination of steer offset and bank: 0.5 mrad of offset equals degrees of bank."""
     record = banked(BANK)
@@ -126,6 +127,7 @@ def test_an_uncertain_steer_offset_makes_the_bank_uncertain():
         assert rms(error / actual.sigma[name][settled]) == pytest.approx(1, abs=0.1), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [True, False])
 @pytest.mark.parametrize("method", ["batch", "smooth"])
 def test_sigma_contains_the_bank_by_default(roll, method):
@@ -142,8 +144,9 @@ def test_sigma_contains_the_bank_by_default(roll, method):
             np.testing.assert_allclose(actual.values[name], level.values[name], rtol=0, atol=1e-12)
 
 
-def test_the_considered_bank_equals_an_uncertain_parameter():
-    """The filter propagates its effect like `parameter_variance` that of any parameter."""
+def test_the_considered_bank_equals_an_uncertain_parameter(monkeypatch):
+    """The filter propagates its effect like `parameter_variance` that of any parameter, if it computes all rows."""
+    monkeypatch.setattr(parameter_variance, "SPACING", 0.0)
     record = banked(0.03, manoeuvre="random").cut(0, 10)
     considered = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6)).batch(record)
     uncertain = Uncertainty(names=("bank.road",), covariance=np.array([[0.03**2]]))
@@ -153,6 +156,7 @@ def test_the_considered_bank_equals_an_uncertain_parameter():
         np.testing.assert_allclose(considered.sigma[name], sigma, rtol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["batch", "smooth"])
 def test_the_known_bank_of_a_log(method):
     """Its mean corrects the states, and its sigma, correlated with the steering offset, replaces the prior."""

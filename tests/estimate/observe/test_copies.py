@@ -37,6 +37,7 @@ def states_of(observer, record):
     return observer.batch(record).values["sideslip.semitrailer"]
 
 
+@pytest.mark.slow
 def test_an_observer_in_a_new_process(truck, lane_changes):
     """A forked one is tested with a learner."""
     o, record = Observer(truck, lane_changes.signals), lane_changes.cut(0, 3)

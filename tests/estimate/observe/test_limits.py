@@ -37,6 +37,7 @@ def reference_monitor(carry, innovations, variances, accepted, weight, dt, sudde
     return [nis, 0, max(lasted, 0), agreed], [settling, nis, int(again or lasted >= restart_after)]
 
 
+@pytest.mark.slow
 def test_the_monitor_equals_plain_python():
     """Of three channels, rejected and missing at random; at a long step the average has at least ten samples."""
     symbols = {name: ca.SX.sym(name, 3) for name in ("innovation", "variance", "accepted", "weight")}

@@ -1,6 +1,7 @@
 """The compiled sensitivities against differences of two filters with the same gains."""
 
 import numpy as np
+import pytest
 
 from fifthwheel.estimate.filters import Noise
 from fifthwheel.estimate.filters.model import sizes, unpack_array
@@ -22,6 +23,7 @@ NAMES = (
 SIGMA = np.array([1e3, 0.01, 0.002, 1e-4, 0.02])
 
 
+@pytest.mark.slow
 def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     o = observer(gate=np.inf)._model
     model, report = o.model, o.report
@@ -71,5 +73,8 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     )
     assert (other == actual).all()  # the bank is exact
     scale = np.sqrt(expected.max(axis=0))
-    np.testing.assert_allclose(np.sqrt(actual) / scale, np.sqrt(expected) / scale, atol=2e-3)
+    assert len(rows) == 151
+    at_once = slice(100)  # after this second, the derivatives are constant for 40 ms, and the changes interpolated
+    np.testing.assert_allclose(np.sqrt(actual)[at_once] / scale, np.sqrt(expected)[at_once] / scale, atol=2e-3)
+    np.testing.assert_allclose(np.sqrt(actual) / scale, np.sqrt(expected) / scale, atol=0.015)
     assert (scale > 0).all()

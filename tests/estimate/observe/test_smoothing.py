@@ -30,6 +30,7 @@ def within(squares: np.ndarray, chance: float = 1e-5) -> bool:
     return bool(low < squares.mean() < high)
 
 
+@pytest.mark.slow
 def test_errors_are_smaller_than_those_of_the_filter_and_agree_with_sigma():
     """With a simulation by the model, including process noise, errors over sigma are standard normal."""
     time = np.arange(600) / 100

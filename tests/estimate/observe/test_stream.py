@@ -1,6 +1,7 @@
 """push against batch, bit for bit, and the status for damaged records."""
 
 import json
+import threading
 
 import numpy as np
 import pytest
@@ -148,6 +149,7 @@ def test_resumed_observer_continues_bit_for_bit(name, fraction):
     assert json.dumps(o.save(), allow_nan=False) == saved
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), missing=st.floats(0, 0.9), slow=st.booleans(), cut=st.floats(0, 1))
 def test_push_equals_batch_for_any_damaged_record(seed, missing, slow, cut):
@@ -382,6 +384,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", OTHERS)
 def test_state_of_another_observer_is_refused(other):
     o = observer()
@@ -403,3 +406,55 @@ def test_state_of_an_earlier_version_is_refused():
     del saved["made_for"]["carry"]
     with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
         observer().resume({**saved, "carry": saved["carry"][:-1]})
+
+
+def test_a_clock_that_was_set_back_is_a_new_start():
+    """One time from the future: samples are refused for 1 s, then the observer is that of a new start."""
+    observer, fresh = Observer(TRUCK, LANE_CHANGES.signals), Observer(TRUCK, LANE_CHANGES.signals)
+    answers, refused = [], 0
+    for k, sample in enumerate(samples(LANE_CHANGES)):
+        try:
+            answers.append(observer.push(sample | ({"time": sample["time"] + 3600.0} if k == 100 else {})))
+        except SignalError as error:
+            refused, message = refused + 1, str(error)
+    assert refused in (100, 101)  # 1 s by rounding
+    assert "after 1 s it starts by itself" in message
+    assert len(answers) == len(LANE_CHANGES) - refused
+    expected = [fresh.push(sample) for sample in [*samples(LANE_CHANGES)][101 + refused :]]
+    for answer, new in zip(answers[101:], expected, strict=True):
+        assert answer == pytest.approx(new, nan_ok=True)
+
+
+def test_samples_out_of_order_between_others_stay_refused():
+    observer, given = Observer(TRUCK, LANE_CHANGES.signals), [*samples(LANE_CHANGES)]
+    for k in range(400, 700):
+        observer.push(given[k])
+        with pytest.raises(SignalError, match="push samples in the order of time"):
+            observer.push(given[k - 300])
+
+
+def test_an_observer_in_use_refuses_another_thread():
+    observer, given = Observer(TRUCK, LANE_CHANGES.signals), [*samples(LANE_CHANGES)]
+    observer.push(given[0])
+    taken = []
+
+    class Reading(dict[str, float]):
+        """A sample during whose reading another thread pushes."""
+
+        def get(self, name, default=None):
+            if name == "time":
+                thread = threading.Thread(target=push)
+                thread.start()
+                thread.join()
+            return super().get(name, default)
+
+    def push() -> None:
+        try:
+            observer.push(given[2])
+        except SignalError as error:
+            taken.append(str(error))
+
+    observer.push(Reading(given[1]))
+    assert len(taken) == 1
+    assert "another thread" in taken[0]
+    assert observer.push(given[2])["time"] == given[2]["time"]

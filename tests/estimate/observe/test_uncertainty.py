@@ -31,6 +31,7 @@ def variances(states) -> dict[str, np.ndarray]:
     return {name: sigma**2 for name, sigma in states.sigma.items()}
 
 
+@pytest.mark.slow
 def test_coverage_of_the_intervals():
     """Random vehicles, observed with the nominal vehicle: coverage of the 90 % intervals over all samples."""
     random = np.random.default_rng(8)
@@ -82,6 +83,7 @@ def one_start(monkeypatch):
     monkeypatch.setattr(ObserverModel, "start", start)
 
 
+@pytest.mark.slow
 @both_methods
 @pytest.mark.parametrize("name", SINGLE)
 @pytest.mark.usefixtures("one_start")
@@ -118,6 +120,7 @@ def test_one_uncertain_name_equals_two_changed_vehicles(name, method):
     assert increase > 1.001
 
 
+@pytest.mark.slow
 @both_methods
 @pytest.mark.usefixtures("one_start")
 def test_correlated_parameters_equal_monte_carlo(method):
@@ -160,6 +163,7 @@ def test_zero_uncertainty_changes_nothing(method):
             np.testing.assert_array_equal(actual[name], plain[name])
 
 
+@pytest.mark.slow
 @both_methods
 @pytest.mark.parametrize("name", ["slow and missing", "coasting", "gap in time", "irregular", "spiked"])
 def test_uncertainty_changes_only_sigmas(name, method):
@@ -190,6 +194,7 @@ EXTREME = {
 }
 
 
+@pytest.mark.slow
 @both_methods
 @pytest.mark.parametrize("case", EXTREME)
 def test_extreme_uncertainty_gives_finite_sigmas(case, method):
@@ -206,10 +211,10 @@ def test_twice_the_sigma_gives_four_times_the_variance():
     """For quantities with a linear effect, also where a column is shortened."""
     o = observer(gate=1e6)
     plain = variances(o.batch(LANE_CHANGES))
-    for name, sigma, accuracy in (
-        (OFFSET, 0.001, 1e-9),
+    for name, sigma, accuracy in (  # the changes are differences of 1e-6 of a sigma
+        (OFFSET, 0.001, 1e-6),
         (TYRES[2], 0.01 * VALUES[TYRES[2]], 1e-3),
-        (TYRES[2], VALUES[TYRES[2]], 1e-6),
+        (TYRES[2], VALUES[TYRES[2]], 1e-5),
     ):
         small, large = (variances(o.batch(LANE_CHANGES, single(name, s))) for s in (sigma, 2 * sigma))
         for signal, variance in plain.items():
@@ -245,6 +250,7 @@ def test_errors_of_unused_sensors_have_no_effect():
         np.testing.assert_array_equal(o.batch(record, u).sigma[name], sigma)
 
 
+@pytest.mark.slow
 def test_uncertainty_of_one_log():
     """An offset "<name>@<log>" applies to that log only."""
     u = Uncertainty(

@@ -30,6 +30,7 @@ def record(truck: Vehicle) -> Record:
     return simulate(truck, count=2, seed=4, sensors=NOISE)
 
 
+@pytest.mark.slow
 def test_it_forms_the_difference_and_pushes_as_in_a_batch(truck: Vehicle, record: Record) -> None:
     log = wheel_speeds(record)
     observer = Observer(truck, log.signals)
@@ -40,6 +41,7 @@ def test_it_forms_the_difference_and_pushes_as_in_a_batch(truck: Vehicle, record
         np.testing.assert_array_equal(values, together[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_difference_itself_is_a_signal(truck: Vehicle, record: Record) -> None:
     """An exported observer gets it."""
     observer = Observer(truck, record.signals)
@@ -53,6 +55,7 @@ def states(truck: Vehicle, log: Record, **settings: float) -> States:
     return Observer(truck, log.signals, ObserverSettings(noise=NOISE, **EXACT, **settings)).smooth(log)
 
 
+@pytest.mark.slow
 def test_a_difference_of_the_rolling_radii_is_estimated(truck: Vehicle, record: Record) -> None:
     """0.4 % has no effect on the yaw rate of the trailer; an observer that takes it as 0 is wrong by sigmas."""
     name, straight, different = YAWS[1], wheel_speeds(record), wheel_speeds(record, 0.004)
@@ -65,6 +68,7 @@ def test_a_difference_of_the_rolling_radii_is_estimated(truck: Vehicle, record: 
     assert np.abs(exact.values[name] - without.values[name])[100:].max() > 2 * sigma.max()
 
 
+@pytest.mark.slow
 def test_it_adds_information_on_the_trailer(truck: Vehicle, record: Record) -> None:
     log = wheel_speeds(record)
     fewer = Record(time=log.time, signals={name: log.signals[name] for name in ("speed", STEER, YAW)})

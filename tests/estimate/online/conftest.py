@@ -17,6 +17,10 @@ FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """Five parameters; all other numbers are known, and the tyres are linear as in the logs."""
 CONSIDERING = replace(FIVE, given={**FIVE.given, "roll_axis_height": "+- 10 %"})
 """The same, with two considered numbers."""
+WITH_SENSORS = OneStage(given={"others": "exact"}, tyres="linear", noise={"yaw_rate.tractor": 0.004**2})
+"""The vehicle file is exact, the sensors are not."""
+OF_TRACTOR = ("speed", "steer.tractor.front", "yaw_rate.tractor")
+"""The least signals."""
 HEIGHT = "semitrailer.payload.height"
 
 

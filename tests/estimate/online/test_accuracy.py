@@ -46,11 +46,10 @@ def errors_and_bound(truck: Vehicle, seeds: range, settings: OneStage) -> tuple[
     return np.array(errors), sigma * np.abs(scale.slope(p)) / p
 
 
-@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(30), marks=pytest.mark.slow)])
-def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle, seeds: range) -> None:
-    errors, bound = errors_and_bound(truck, seeds, FIVE)
-    factor = 1.5 if len(seeds) >= 30 else 2.2
-    assert (np.sqrt(np.mean(errors**2, axis=0)) < factor * bound).all()
+@pytest.mark.slow
+def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle) -> None:
+    errors, bound = errors_and_bound(truck, range(30), FIVE)
+    assert (np.sqrt(np.mean(errors**2, axis=0)) < 1.5 * bound).all()
 
 
 @pytest.mark.slow
@@ -114,21 +113,6 @@ def test_long_and_uneven_steps_are_divided(truck: Vehicle, guess: Vehicle) -> No
     kept = np.random.default_rng(1).random(len(record)) < 0.2
     signals = {name: values[kept] for name, values in record.signals.items()}
     assert_identified(learn(guess, Record(time=record.time[kept], signals=signals)), truck, sigmas=6.0)
-
-
-@pytest.mark.slow
-def test_a_vehicle_of_three_units(guess: Vehicle) -> None:
-    fields = guess.model_dump()
-    semitrailer = fields["units"][1]
-    fields["units"] = (*fields["units"], {**semitrailer, "name": "second"})
-    coupling = {**fields["couplings"][0], "name": "hitch"}
-    coupling["leading_position"] = min(axle.position for axle in guess.units[1].axles)
-    fields["couplings"] = (*fields["couplings"], coupling)
-    combination = Vehicle(**fields)
-    record = simulate(combination, count=1, speed=15.0, seed=1)
-    learner = learn(combination, record, replace(FIVE, given={**FIVE.given, "payload.height": "+- 0.75 m"}))
-    assert {e.name.split(".")[0] for e in learner.parameters} == {"tractor", "semitrailer", "second"}
-    assert all(np.isfinite([e.value, e.sigma]).all() for e in learner.parameters)
 
 
 def test_errors_of_the_states_agree_with_their_sigmas(truck: Vehicle, guess: Vehicle) -> None:

@@ -14,6 +14,7 @@ from fifthwheel.truck import Vehicle
 from tests.estimate.online.conftest import CONSIDERING, FIVE, learn
 
 
+@pytest.mark.slow
 def test_a_wrong_assumption_is_doubted(guess: Vehicle, lanes: Record) -> None:
     """The roll axis of the trailer is 0.4 m lower in the vehicle file, 5 times its uncertainty."""
     path = "semitrailer.roll_axis_height"

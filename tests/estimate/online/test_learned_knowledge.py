@@ -11,6 +11,8 @@ import fifthwheel as fw
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.online.learned import learned_information
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = fw.OneStage(tyres="linear")
 OCCASION = Occasion(trailer="T 17", load="steel")
 STIFFNESSES = tuple(f"{path}.cornering_stiffness" for path in ("tractor.front", "tractor.drive", "semitrailer"))

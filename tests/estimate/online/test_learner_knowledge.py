@@ -44,6 +44,7 @@ def learner(record: fw.Record, guess: fw.Vehicle, result: fw.Identification) -> 
     return fw.Learner(guess, record.signals, SETTINGS, knowledge=result.knowledge, occasion=OCCASION)
 
 
+@pytest.mark.slow
 def test_it_begins_with_the_joint_posterior(learner: fw.Learner, result: fw.Identification) -> None:
     """Of every shared unknown: mean and covariance, also those between estimated and considered ones."""
     setup, (z, P) = learner.live.setup, learner.live.joint()
@@ -58,6 +59,7 @@ def test_it_begins_with_the_joint_posterior(learner: fw.Learner, result: fw.Iden
     np.testing.assert_allclose(P[np.ix_(others, others)], np.eye(len(others)), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_estimates_and_states_at_the_start_are_those_of_the_logs(
     learner: fw.Learner, result: fw.Identification, record: fw.Record, guess: fw.Vehicle, truck: fw.Vehicle
 ) -> None:

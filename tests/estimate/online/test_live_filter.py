@@ -18,6 +18,7 @@ SETTINGS = LearnerSettings(hold=0.4, max_steer_dropout=0.1, settling_time=0.7)
 SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
 
 
+@pytest.mark.slow
 def test_a_long_dropout_of_the_steer_angle_must_settle(guess: Vehicle) -> None:
     """Longer than 0.1 s; then 0.7 s must pass since its end, and the steer angle must be measured now."""
     setup = online_setup(guess, SIGNALS, FIVE)

@@ -17,6 +17,8 @@ from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
     settings = LearnerSettings(start_excitation=0.3, max_steer_dropout=0.2)

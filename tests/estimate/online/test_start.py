@@ -3,6 +3,7 @@
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.identify.one_stage.segment_run import steady_state_slopes
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
@@ -32,7 +33,9 @@ def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehic
     setup = online_setup(guess, SIGNALS, LINEAR)
     values = dynamics.all_parameters(setup.vehicle, setup.outputs, extended=True)
     values |= {u.name: u.centre for u in setup.unknowns if not u.moves}
-    slopes = steady_state_slopes(model(setup).chain, setup.vehicle, FIRST, values, setup.unknowns)
+    state, m = steady_initial_state(setup.vehicle, FIRST, values, roll=True)
+    chain, steady = model(setup).chain, np.append(state, 0.0)
+    slopes = steady_state_slopes(chain, setup.vehicle, FIRST, values, setup.unknowns, steady, m)
     expected = slopes.T * setup.scaling.slope(setup.scaling.centre)
     V = derivative(setup, np.zeros(len(setup.estimated_unknowns)))
     assert np.count_nonzero(np.abs(V).max(axis=0)) > 5

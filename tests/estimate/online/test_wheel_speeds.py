@@ -9,7 +9,9 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.online import Learner
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.online.conftest import samples
+from tests.estimate.online.conftest import OF_TRACTOR, samples
+
+pytestmark = pytest.mark.slow
 
 NAME, YAW, STEER = "wheel_speed_difference.semitrailer.middle", "yaw_rate.tractor", "steer.tractor.front"
 WHEELS = ("wheel_speed.semitrailer.middle.left", "wheel_speed.semitrailer.middle.right")
@@ -46,7 +48,7 @@ def test_it_finds_the_difference_of_the_radii(learner: Learner) -> None:
 
 
 def test_it_adds_information(learner: Learner, guess: Vehicle, truck: Vehicle, log: Record) -> None:
-    alone = Learner(guess, ["speed", STEER, YAW], SETTINGS)
+    alone = Learner(guess, OF_TRACTOR, SETTINGS)
     alone.learn(log)
     assert learner[TRAILER].sigma < 0.9 * alone[TRAILER].sigma
     assert abs(learner[TRAILER].value - truck.parameters()[TRAILER]) < 3 * learner[TRAILER].sigma

@@ -72,6 +72,7 @@ def measured(record: Record, vehicle: Vehicle | None) -> dict[str, TimeOffset]:
     return {offset.name: offset for offset in offsets_of(record, prediction)} if prediction else {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", VEHICLES)
 @pytest.mark.parametrize("name", LOGS)
 def test_without_delays_nothing_is_significant(name, vehicle):
@@ -79,6 +80,11 @@ def test_without_delays_nothing_is_significant(name, vehicle):
     assert {STEER, YAW2} <= set(offsets)
     assert not [offset for offset in offsets.values() if offset.significant]
     assert not check_signals(log(name), VEHICLES[vehicle])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOGS)
+def test_without_delays_and_a_vehicle_nothing_is_found(name):
     assert not check_signals(log(name))
 
 
@@ -143,6 +149,7 @@ def test_a_significant_offset_exceeds_three_sigma_and_the_smallest_one(offset, s
     assert channel.significant is significant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.35, 1.0])
 def test_no_false_alarm_in_a_turn_to_the_limit_of_adhesion(friction: float) -> None:
     """With a slowly rising steer angle, whose lag hardly shows."""

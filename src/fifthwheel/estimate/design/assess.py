@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.mass import mass_findings
 from fifthwheel.estimate.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.statement import Statement, applies, statement, states_sigma
-from fifthwheel.estimate.identify.verdict import Verdict, is_stated
+from fifthwheel.estimate.identify.verdict import Verdict, is_stated, straight_running
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.tyres import saturation_names
@@ -175,10 +175,13 @@ def predict_sigmas(
     )
     logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
     runs = [predictor.run_information(log) for log in logs]
-    noise = {name: variance for log in logs for name, variance in log.noise.items()}
-    rate = logs[0].segments[0].rate
+    of_logs = {log.name: {n: v * log.samples_per_row for n, v in log.noise.items()} for log in logs}  # of a sample
+    noise = {name: variance for of_log in of_logs.values() for name, variance in of_log.items()}
+    rate = records[0].rate
     lane_change = lane_change_information(predictor, speed=speed, rate=rate, noise=noise)
     posterior = predictor.posterior(runs)
+    straight = straight_running(predictor.setup.estimated, dataset.lateral_accelerations(settings.min_speed))
+    posterior = replace(posterior, not_identified={**straight, **posterior.not_identified})
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names, setup = tuple(record.name for record in records), predictor.setup
     z = np.zeros(len(posterior.names))
@@ -199,7 +202,7 @@ def predict_sigmas(
             *stated,
         ),
         sensors=_sensors(predictor, posterior, remedies, assessment),
-        noise={log.name: {name: log.noise[name] for name in setup.outputs if name in log.noise} for log in logs},
+        noise={log: {n: of_log[n] for n in setup.outputs if n in of_log} for log, of_log in of_logs.items()},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
         notes=(*dataset.notes, *unused),
         version=fifthwheel.__version__,
@@ -280,7 +283,7 @@ def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str,
         segments = [s for s in log.segments if name in s.signals and np.isfinite(s.signals[name]).any()]
         if not segments:
             continue
-        default = variances.sensor_variance(setup.vehicle, name, setup.settings.noise)
+        default = variances.sensor_variance(setup.vehicle, name, setup.settings.noise) / log.samples_per_row
         if not setup.settings.adapt_noise:
             result[name] = default
             continue

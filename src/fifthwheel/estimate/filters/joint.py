@@ -26,7 +26,7 @@ import numpy as np
 
 from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
-from fifthwheel.estimate.filters.kalman import Noise, gate, joseph, observe, transition, transition_matrix
+from fifthwheel.estimate.filters.kalman import Noise, gate, joseph, transition, transition_matrix
 from fifthwheel.estimate.filters.model import Model, pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.estimate.filters.scaling import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.model.dynamics.symbolic import Matrix
@@ -112,30 +112,42 @@ def linearise(
     state after dt; predicted measurements (n_y,); H (n_y, n_x), and their derivatives with respect to the parameters
     (n_y, n_p).
     """
-    n_p = len(logarithmic)
-    point = ca.vertcat(z, ca.SX.zeros(n_p - z.shape[0]))
-    symbol = ca.SX.sym("z", n_p)
-    p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
-    p = ca.substitute(p_of_z, symbol, point)
-
-    by_z = ca.substitute(ca.jacobian(p_of_z, symbol), symbol, point)
-
-    def wrt_z(name: str, function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
-        """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state; `name` is
-        that of a function of the model that gives those with respect to p."""
-        by_p: ca.Function | None = getattr(model, name, None)
-        if by_p is not None:
-            return [slope @ by_z for slope in by_p.call([*arguments, p, c])]
-        outputs = function.call([*arguments, p_of_z, c])
-        return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [point])
-
+    p, by_z = _parameters(logarithmic, z, centre, scale)
     later, *of_F = transition(model).call([x, dt, d, p, c])
     # the derivatives of x' need fewer operations than those of the transition; the trapezoidal rule integrates them
-    rates: ca.Function | None = getattr(model, "rates", None)
-    slopes = wrt_z("", model.transition, x, dt, d) if rates is None else wrt_z("rate_slopes", rates, x, later, dt, d)
-    predicted, H = observe(model, later, d, p, c)
-    (direct,) = wrt_z("observation_slopes", model.observation, later, d)
-    return later, of_F, slopes, predicted, H, direct
+    of_rates: ca.Function | None = getattr(model, "rate_slopes", None)
+    if of_rates is None:
+        slopes = _derivative(model.transition, [x, dt, d, p, c], 3)
+    else:
+        slopes = of_rates.call([x, later, dt, d, p, c])
+    predicted, H, direct = _observed(model, later, d, p, c)
+    return later, of_F, [slope @ by_z for slope in slopes], predicted, H, direct @ by_z
+
+
+def _parameters(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """p (n_p,) of the estimates z, and its derivatives (n_p, n_p) with respect to all; considered parameters are 0."""
+    symbol = ca.SX.sym("z", len(logarithmic))
+    p = symbolic_to_p(logarithmic, symbol, centre, scale)
+    at = ca.vertcat(z, ca.SX.zeros(len(logarithmic) - z.shape[0]))
+    values, slopes = ca.substitute([p, ca.jacobian(p, symbol)], [symbol], [at])
+    return values, slopes
+
+
+def _derivative(function: ca.Function, arguments: list[ca.SX], place: int) -> list[ca.SX]:
+    """The derivative of the result of a function with respect to one of its arguments."""
+    symbols = [ca.SX.sym("a", *argument.shape) for argument in arguments]
+    (result,) = function.call(symbols)
+    return ca.substitute([ca.jacobian(result, symbols[place])], symbols, arguments)
+
+
+def _observed(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Outputs y (n,) of a model, dy/dx and dy/dp."""
+    arguments, slopes = [x, d, p, c], getattr(model, "observation_slopes", None)
+    if slopes is not None:
+        by_x, by_p = slopes.call(arguments)
+    else:
+        (by_x,), (by_p,) = (_derivative(model.observation, arguments, place) for place in (0, 2))
+    return model.observation(*arguments), by_x, by_p
 
 
 def correct(
@@ -189,13 +201,9 @@ def reported_values(
 ) -> tuple[ca.SX, ca.SX]:
     """Outputs (n,) of a model at a state x and estimates z, and their derivatives (n, n_x + n_p) with respect to state
     and parameters; considered parameters are 0."""
-    n_x, n_p = x.shape[0], len(logarithmic)
-    x_and_z = ca.SX.sym("x_and_z", n_x + n_p)
-    p = symbolic_to_p(logarithmic, x_and_z[n_x:], centre, scale)
-    reported = report.observation(x_and_z[:n_x], d, p, c)
-    at = ca.vertcat(x, z, ca.SX.zeros(n_p - z.shape[0]))
-    values, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [at])
-    return values, slopes
+    p, by_z = _parameters(logarithmic, z, centre, scale)
+    values, by_x, by_p = _observed(report, x, d, p, c)
+    return values, ca.horzcat(by_x, by_p @ by_z)
 
 
 @compiled(functools.partial(Scan, matrices=True))

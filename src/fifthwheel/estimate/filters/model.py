@@ -25,8 +25,8 @@ class Model(Hashable, Protocol):
     dx+/dx and dy/dx are derivatives with respect to parameters that a filter considers.
 
     `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step, gives dx+/dp by the trapezoidal rule
-    with few operations. `rate_slopes` and `observation_slopes`, with the arguments of the rates and of the observation,
-    give their derivatives with respect to p.
+    with few operations. `rate_slopes`, with the arguments of the rates, gives their derivatives with respect to p, and
+    `observation_slopes`, with those of the observation, dy/dx and dy/dp.
     """
 
     @property

@@ -32,6 +32,10 @@ SMALLEST_PLAY = 0.002
 """rad; the contact of a smaller play is computed with this one, so that noise of the steer angle does not change it."""
 PLAY_STEP = 0.0005
 """rad; the play is rounded to this step, so that small changes of it do not change the contact."""
+LARGEST_BEND, BEND_WINDOW = 5e-4, 0.5
+"""Change of the steering rate in a long step times that step, rad, times the speed, m/s; the time of its mean, s."""
+SHORTEST_STEP = 0.25
+"""Over the longest one, where the steering changes fast."""
 
 
 class Spline:
@@ -251,6 +255,24 @@ def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:
     return (values if delay == 0 else shifted), np.where(inside, rate, 0.0)
 
 
+def _bend(time: Array, values: Array) -> Array:
+    """Second derivative of values (N,) times the square of the step (N,); 0 at both ends."""
+    bend, steps, rise = np.zeros_like(values), np.diff(time), np.diff(values)
+    bend[1:-1] = 2 * (rise[1:] * steps[:-1] - rise[:-1] * steps[1:]) / (steps[1:] + steps[:-1])
+    return bend
+
+
+def _shorter_steps(record: Record, steers: Sequence[str]) -> Array:
+    """The fraction (N,) of a long step that is short enough for the steering at each sample.
+
+    It is that of the mean bend over `BEND_WINDOW`, because noise bends too.
+    """
+    window = np.ones(2 * round(BEND_WINDOW * record.rate / 2) + 1)
+    bends = [np.convolve(_bend(record.time, record.input(name)), window, "same") / window.size for name in steers]
+    largest = np.abs(bends).max(axis=0, initial=0.0) * record.input("speed")
+    return np.asarray(np.clip(np.sqrt(LARGEST_BEND / np.maximum(largest, LARGEST_BEND)), SHORTEST_STEP, 1.0))
+
+
 def step_rows(
     model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None
 ) -> StepRows:
@@ -264,7 +286,11 @@ def step_rows(
     inputs = corrected_inputs(record, model.inputs, errors)
     columns = simulation.input_columns(inputs, model.inputs)
     # of the measured speed: with one that is shifted by its delay, the number of steps would jump, and the cost with it
-    limit = simulation.step_limit(vehicle, model.roll)(record.input("speed"))
+    limit = simulation.step_limit(vehicle, model.roll, model.long_steps)(record.input("speed"))
+    if model.long_steps:
+        limit *= _shorter_steps(record, steers := names_of(STEER, inputs))
+        # a line through these has the same mean over each step as the curve through the given ones
+        inputs |= {name: inputs[name] - _bend(record.time, inputs[name]) / 12 for name in steers}
     fine, columns, indices = simulation.subdivide(record.time, columns, limit)
     measured = np.full((len(fine), len(model.outputs)), np.nan)
     for i, name in enumerate(model.outputs):

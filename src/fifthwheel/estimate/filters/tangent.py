@@ -5,7 +5,7 @@ the forward or by the reverse mode. They are exact but for rounding: the reverse
 compiled step serves every choice of unknowns.
 
 Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
-is a first-order process, predicted from the residuals before (`estimate.identify.noise_model`): they are white.
+is a first-order process, predicted from the residuals before (`estimate.filters.noise_model`): they are white.
 """
 
 import os
@@ -15,14 +15,16 @@ from typing import NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.native import AdjointScan, DirectionScan, compiled
+from fifthwheel.base.native import AdjointScan, DirectionScan, GradientScan, compiled
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.estimate.filters.step_rows import SampleRows
 
-CHUNK = 2_000
-"""Number of rows in one pass; it bounds the memory for long records."""
+CHUNK = 500
+"""Number of rows in one pass, of which one without derivatives has 20 times as many; it bounds the memory for long
+records."""
+THREADS = os.cpu_count() or 1
 
 DECAYED = 1e-9
 """The effect of the initial state is left out once it has decayed to this fraction."""
@@ -102,6 +104,20 @@ def simulation_adjoint(model: Model) -> ca.Function:
     return ca.Function("simulation", [*s.arguments, nothing, seed], results, {"cse": True})
 
 
+@compiled(GradientScan)
+def simulation_gradient(model: Model) -> ca.Function:
+    """The same, for the gradient of a function of the innovations by [x, d, p] before the first row."""
+    s = _Simulation.of(model)
+    n, n_p, seed = s.moving.shape[0], s.p.shape[0], ca.SX.sym("seed", s.innovation.shape[0])
+    gradient, after, by_p = partitioned("gradient", n, n_p)
+    of = ca.vertcat(s.later, s.offsets, s.innovation)
+    before = ca.jtimes(of, ca.vertcat(s.moving, s.p), ca.vertcat(after, seed), True) + ca.vertcat(ca.SX(n, 1), by_p)
+    carry, row, constant = s.arguments
+    arguments = [carry, ca.vertcat(row, seed), constant, gradient, ca.SX.sym("nothing", 0)]
+    results = [ca.densify(part) for part in (s.carried, s.output, before, ca.SX(0, 1))]
+    return ca.Function("simulation", arguments, results, {"cse": True})
+
+
 @compiled(DirectionScan)
 def innovations_tangent(model: Model) -> ca.Function:
     """The Kalman filter.
@@ -152,9 +168,10 @@ def run_in_chunks(
     only_start = np.asarray(~directions.any(axis=1))  # directions of the start alone: their effect may decay
     initial = np.abs(start_directions).max(axis=1, initial=0.0)
     carry, carry_dot, active = start, start_directions, np.arange(len(directions))
-    for begin in range(0, len(rows), CHUNK):
-        chunk = slice(begin, min(begin + CHUNK, len(rows)))
-        result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=os.cpu_count() or 1)
+    size = CHUNK if len(directions) else 2 * CHUNK
+    for begin in range(0, len(rows), size):
+        chunk = slice(begin, min(begin + size, len(rows)))
+        result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=THREADS)
         yield TangentChunk(chunk, result.output, result.output_dot, active)
         remaining = np.abs(result.carry_dot).max(axis=1, initial=0.0)
         kept = ~only_start[active] | (remaining > DECAYED * initial[active])
@@ -165,7 +182,7 @@ def simulation_start(x0: Array, q: Array, x0_directions: Array) -> tuple[Array, 
     """Carry of `simulation_directions` and `simulation_adjoint` before the first row, and its derivatives, from the
     initial state (n,), the variances of the discrepancies (m,), and the derivatives of x0 along k directions, (k, n).
     """
-    return np.concatenate([x0, np.zeros_like(q), q]), np.pad(x0_directions, ((0, 0), (0, len(q))))
+    return np.concatenate([x0, np.zeros_like(q), q]), np.hstack([x0_directions, np.zeros((len(x0_directions), len(q)))])
 
 
 def innovations_start(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:

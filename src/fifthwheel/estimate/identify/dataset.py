@@ -25,7 +25,7 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import Finding, raise_errors
-from fifthwheel.data.checks.samples import without_spikes
+from fifthwheel.data.checks.samples import without_outliers, without_spikes
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import largest_lateral_acceleration
 from fifthwheel.data.record.record import parts_where, segments_above
@@ -47,6 +47,8 @@ from fifthwheel.truck.steering import require_roll
 
 SHORTEST_PART = 2.0
 """Of a segment at a steady speed, s."""
+ROUNDING = 0.01
+"""Of the number of samples in a row."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +57,10 @@ class LogData:
 
     name: str
     segments: Sequence[Record]
+    samples_per_row: int = 1  # whose means the segments have
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    """Variance of the samples of each channel about these means without the motion, SI squared."""
+    left_out: Mapping[str, float] = field(default_factory=dict)  # fraction of the samples of each channel, as outliers
     errors: Mapping[str, float] = field(default_factory=dict)  # sensor errors that belong to this log, by name, SI
     noise: Mapping[str, float] = field(default_factory=dict)  # variance of each channel's residuals, SI squared
     autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `noise_model`
@@ -63,12 +69,16 @@ class LogData:
 
     def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":
         """The log with the noise variance of every channel: its own, else the given one, else that of the table."""
-        table = {name: variances.sensor_variance(vehicle, name, given) for name in channels}
+        table = {n: variances.sensor_variance(vehicle, n, given) / self.samples_per_row for n in channels}
         return replace(self, noise={**table, **self.noise})
 
     def noise_model(self, channel: str) -> NoiseModel:
         """Noise model of a channel: its own, or white noise."""
         return self.noise_models.get(channel) or NoiseModel(white=self.noise[channel])
+
+    def sample_variance(self, channel: str) -> float:
+        """Noise variance of a sample of a channel: the mean of several has less white noise."""
+        return self.noise[channel] + self.scatter.get(channel, 0.0)
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -183,7 +193,8 @@ def prepare_dataset(
     def log_data(record: Record) -> LogData:
         braking = drive_axle_braking(record) if settings.brakes else None
         segments = segments_above(record, settings.min_speed, inputs)
-        return LogData(name=record.name, segments=segments, drive_axle_braking=braking)
+        log = LogData(name=record.name, segments=segments, drive_axle_braking=braking)
+        return _averaged(log, int(record.rate / settings.row_rate + ROUNDING), settings.gate)
 
     records, validate = (tuple(map(cleaned, group)) for group in (records, validate))
     logs, validation = (tuple(map(log_data, group)) for group in (records, validate))
@@ -236,6 +247,38 @@ def _at_steady_speed(log: LogData) -> tuple[LogData, str]:
         return log, f"{log.name}: {problem}, which is everywhere in this log: all estimates are approximate; {cure}."
     left_out = f"{log.name}: {whole - left:.0f} s are left out: {problem}; {cure}."
     return replace(log, segments=parts), left_out if whole - left > 0.5 else ""
+
+
+def _averaged(log: LogData, count: int, gate: float) -> LogData:
+    """The log of the means of `count` samples each, without outliers beyond `gate` sigmas."""
+    channels = [name for name in log.segments[0].signals if not is_input(name)]
+    if count <= 1 or not channels:
+        return log
+    kept = [without_outliers(segment, channels, gate) for segment in log.segments]
+    rows = [segment.averaged(count) for segment in kept]
+    lengths = list(map(len, kept))
+
+    def present(segments: Sequence[Record], name: str) -> int:
+        return sum(int(np.isfinite(segment.signals[name]).sum()) for segment in segments)
+
+    return replace(
+        log,
+        segments=rows,
+        samples_per_row=count,
+        scatter={
+            n: float(np.average(list(map(_scatter, kept, rows, itertools.repeat(n))), weights=lengths))
+            for n in channels
+        },
+        left_out={n: 1 - present(kept, n) / max(present(log.segments, n), 1) for n in channels},
+    )
+
+
+def _scatter(samples: Record, rows: Record, name: str) -> float:
+    """Variance of the samples of a channel about the means of a record, without the motion between these."""
+    nearest, means = np.searchsorted((rows.time[1:] + rows.time[:-1]) / 2, samples.time), rows.signals[name]
+    motion = np.gradient(means, rows.time)[nearest] * (samples.time - rows.time[nearest])
+    off = samples.signals[name] - means[nearest] - motion
+    return float(np.mean(off[np.isfinite(off)] ** 2)) if np.isfinite(off).any() else 0.0
 
 
 def _lone_axles(vehicle: Vehicle) -> list[str]:

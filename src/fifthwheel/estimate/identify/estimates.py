@@ -205,10 +205,13 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
         name=record.name,
         span=record.span,
         samples=len(record),
+        averaged=log.samples_per_row,
         used=sum(s.span[1] - s.span[0] for s in log.segments),
         speed=log.speeds,
-        rejected={name: float(value) for name, value in zip(outputs, rejected, strict=True) if name in measured},
-        noise={name: log.noise[name] for name in measured},
+        rejected={
+            n: float(r) + log.left_out.get(n, 0.0) for n, r in zip(outputs, rejected, strict=True) if n in measured
+        },
+        noise={name: log.sample_variance(name) for name in measured},
         notes=record.notes,
     )
 

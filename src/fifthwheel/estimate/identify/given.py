@@ -38,8 +38,8 @@ from fifthwheel.estimate.identify.statement import (
 )
 from fifthwheel.estimate.identify.unknowns.parameters import (
     VARIATION,
-    fixed_last_axles,
     given_parameters,
+    left_out,
     prior_of_sensor_error,
     reported_parameters,
     softening_priors,
@@ -186,9 +186,9 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     variations = [f"{path}.cornering_stiffness.{VARIATION}" for path in groups]
     own = vehicle.parameters()
-    axles = [path for path in fixed_last_axles(vehicle, locked=True) if path not in own]
+    optional = [path for path in left_out(vehicle, locked=True) if path not in own]
     single = (DRIVE_AXLE_BRAKING, ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE, f"{TIME_BASE}.main.delay")
-    return tuple(dict.fromkeys((*of_tyres, *variations, *axles, *single, *errors)))
+    return tuple(dict.fromkeys((*of_tyres, *variations, *optional, *single, *errors)))
 
 
 def _require_use(

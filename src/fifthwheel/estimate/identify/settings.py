@@ -1,5 +1,6 @@
 """Settings of an identification: every number that controls it is a field with a sentence."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -61,6 +62,8 @@ class CommonSettings(Settings):
 
     brakes: ClassVar[bool] = False
     """Whether the model has longitudinal forces."""
+    row_rate: ClassVar[float] = math.inf
+    """Samples of a log that is at least twice as dense are averaged to about this rate, Hz."""
 
     def uses(self, name: str) -> bool:
         """Whether the method uses what is stated of a number that a vehicle file does not have."""
@@ -166,6 +169,8 @@ class OneStage(CommonSettings):
     """Largest number of steps."""
 
     brakes = True
+    row_rate = 25.0
+    """The motion that identifies a truck is below 3 Hz. Inputs and signals are averaged alike."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -167,6 +167,7 @@ class Setup:
             extended=True,
             tyres=self.settings.tyre_law,
             braking=True,
+            long_steps=self.settings.form == "output_error",
         )
 
     @cached_property
@@ -194,9 +195,10 @@ class Setup:
 
     def slowest_decay(self, z: Array, speeds: Sequence[float]) -> float:
         """Rate at which the slowest mode decays at any of the speeds, m/s, in 1/s; z in the order of the unknowns."""
-        own = self.vehicle.parameters()
-        vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
-        return min(slowest_decay(vehicle, speed, roll=self.settings.roll) for speed in speeds)
+        own, values = self.vehicle.parameters(), self.model_values(z)
+        changed = {name: values[name] for name in own}
+        self.vehicle.replace(changed)  # only to check it: such a vehicle may be impossible
+        return slowest_decay(self.vehicle, *speeds, roll=self.settings.roll, changed=changed)
 
     def stiffened(self, z: Array, speeds: Sequence[float], least: float = 0.0) -> Array:
         """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,

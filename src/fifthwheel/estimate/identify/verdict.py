@@ -36,6 +36,10 @@ CONFOUNDED = 0.5
 """A parameter is NOT_IDENTIFIABLE if less than this fraction of its prior standard deviation would remain with all
 other estimated parameters known: a quarter of the variance."""
 
+STRAIGHT = 0.5
+"""m/s²; up to this lateral acceleration a run counts as straight: camber, side wind and the play of the steering move a
+truck as much as its driver does, so that no parameter of its lateral motion is EXCITED."""
+
 STILL_MOVING = 0.5
 """An estimate that the next step would move by more than this number of its standard deviations has not converged."""
 
@@ -43,6 +47,13 @@ STILL_MOVING = 0.5
 def still_moving(names: Sequence[str], step: Array, sigma: Array) -> set[str]:
     """The names of estimates that have not converged, by the next step (k,) and the standard deviations (k,)."""
     return {name for name, s in zip(names, np.abs(step) / sigma, strict=True) if s > STILL_MOVING}
+
+
+def straight_running(estimated: Iterable[str], accelerations: Iterable[float]) -> dict[str, Verdict]:
+    """NOT_EXCITED for all parameters if no log reaches STRAIGHT, by the largest lateral accelerations of the logs,
+    m/s²; NaN where a log does not show it."""
+    largest = max((each for each in accelerations if not math.isnan(each)), default=math.nan)
+    return dict.fromkeys(estimated, Verdict.NOT_EXCITED) if largest < STRAIGHT else {}
 
 
 def uninformed_parameters(

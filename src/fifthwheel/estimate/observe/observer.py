@@ -26,7 +26,7 @@ from fifthwheel.estimate.observe.observer_step import ObservedChain, reported_si
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.estimate.stream import VALID, Stream
+from fifthwheel.estimate.stream import VALID, Stream, take_turn
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.sensors import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.model.dynamics.tyres import saturation_names
@@ -106,7 +106,7 @@ class Observer:
         self._model = ObserverModel(
             vehicle=self.vehicle, settings=self.settings, outputs=self.outputs, reported=self.reported, roll=self.roll
         )
-        self._filter = _ObserverFilter(self._model)
+        self._filter, self._idle = _ObserverFilter(self._model), [True]
         self.reset()
 
     @property
@@ -147,8 +147,10 @@ class Observer:
             SI; NaN if the status is TOO_SLOW or INPUT_MISSING.
 
         Raises:
-            SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
+            SignalError: the time is missing, not finite, or not after the previous one; or another thread pushes a
+                sample. The observer does not change. Samples in order for 1 s after the time went back are a new start.
         """
+        take_turn(self._idle)
         try:
             if self._differences:
                 sample = sample_with_differences(sample, self._differences)
@@ -156,18 +158,21 @@ class Observer:
             status = self.stream.process_sample(
                 self._filter, get("time"), map(get, self.inputs), map(get, self.outputs)
             )
+            answer = self._without_states.copy()
+            answer["time"] = self.stream.time
+            if status in VALID:
+                out = self._filter.out.tolist()
+                answer.update(zip(self._names, out, strict=False))
+                answer["nis"] = nis = out[-2]
+                status = monitor.health(status, out[-3], nis, self.settings.max_nis)
+            answer["status"] = status
         except (AttributeError, TypeError):
             expect_sample(sample)
             raise
-        answer = self._without_states.copy()
-        answer["time"] = self.stream.time
-        if status in VALID:
-            out = self._filter.out.tolist()
-            answer.update(zip(self._names, out, strict=False))
-            answer["nis"] = nis = out[-2]
-            status = monitor.health(status, out[-3], nis, self.settings.max_nis)
-        answer["status"] = status
-        return answer
+        else:
+            return answer
+        finally:
+            self._idle.append(True)
 
     def batch(self, record: Record, uncertainty: Uncertainty | None = None) -> States:
         """States of a record from a new start. The state of the observer itself does not change.

@@ -14,10 +14,8 @@ of a sensor, which the state has too.
 
 A change of the parameters along a direction changes the filter's state by x', its sensitivity. The gain K of the filter
 stays as it is: its change acts on innovations only, which are small. It would change the rms of a sigma by a few
-percent, and needs ten times the operations.
-
-    x'- = F x' + dx-/dp p'                 prediction
-    x'  = x'- - K (H x'- + dh/dp p')       update, channel by channel
+percent, and needs ten times the operations. It is the difference of two filters with the same gains, which
+`step_with_gains` computes.
 """
 
 import functools
@@ -30,7 +28,7 @@ import numpy as np
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.lazy import lazy
-from fifthwheel.base.native import DirectionScan, Scan, compiled
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
     ARTICULATION,
@@ -90,7 +88,7 @@ class ObservedChain:
 
     def transition_matrix(self, exponent: Matrix) -> Matrix:
         """dx+/dx (n, n) from the result of `transition_parts`, and the column of a bank that is a parameter."""
-        return transition_matrix(exponent, self.chain.order)[: len(self.states), :]
+        return transition_matrix(exponent)[: len(self.states), :]
 
     @lazy
     def observation(self) -> ca.Function:
@@ -199,8 +197,7 @@ class FilterStep(NamedTuple, Generic[Matrix]):
     considered: Matrix  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate[Matrix]]
     carry: Matrix  # of the next step, as in `ObserverLayout`
-    linearised: tuple[tuple[Matrix, Matrix], ...] = ()
-    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, gain (n, 1)."""
+    gains: tuple[Matrix, ...] = ()  # of each channel of an extended Kalman filter, (n, 1)
 
 
 FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
@@ -220,15 +217,14 @@ def filter_step(
     c, q, r, limit, _, sigma = split(constant, layout.constant)
     n, no_p = x.shape[0], type(x)(0, 1)
     x, P, slopes = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
-    s, channels, linearised = slopes @ _effects(s, n, sigma), [], []
+    s, channels, gains = slopes @ _effects(s, n, sigma), [], []
     for i in range(y.shape[0]):
         predicted, slope = kalman.observe(model, x, d, no_p, c, slice(i, i + 1))
         row, effect = slope[:, :n], slope[:, n:] @ ca.diag(sigma)
-        point, innovation = x, y[i] - predicted
-        x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
+        x, P, s, channel, gain = kalman.correct_channel(x, P, y[i] - predicted, row, weight[i], r[i], limit, s, effect)
         channels.append(channel)
-        linearised.append((point, gain))
-    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
+        gains.append(gain)
+    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(gains))
 
 
 def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
@@ -286,7 +282,6 @@ class TrackedLayout(NamedTuple):
     """Numbers of elements of the parts of an output of `tracked_step`."""
 
     x: int  # state before the step
-    points: int  # states at which the channels are linearised
     gains: int  # of the channels
     after: int  # state after the step
     of_bank: int  # variances of the reported signals that a considered bank causes
@@ -295,7 +290,7 @@ class TrackedLayout(NamedTuple):
     def of(cls, model: ObservedChain, report: ObservedChain) -> "TrackedLayout":
         """The layout for an observer."""
         n, _, _, _, m = sizes(model)
-        return cls(n, n * m, n * m, n, len(report.outputs))
+        return cls(n, n * m, n, len(report.outputs))
 
 
 @compiled(functools.partial(Scan, matrices=True))
@@ -308,36 +303,31 @@ def tracked_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     carry, sample, constant = (ca.MX.sym(name, sum(part)) for name, part in zip(layout._fields, layout, strict=True))
     step = filter_step(model, layout, carry, sample, constant)
     (x, *_), (_, d, *_), (*_, c_report, sigma) = map(split, (carry, sample, constant), layout)
-    points, gains = (ca.vertcat(*[each[i] for each in step.linearised]) for i in (0, 1))
     _, slopes = kalman.observe(report, step.after, d, ca.MX(0, 1), c_report)
     effects = _effects(step.considered, len(model.states), sigma)
     of_bank = kalman.variances_by(effects, slopes)
-    output = ca.densify(ca.vertcat(x, points, gains, step.after, of_bank))
+    output = ca.densify(ca.vertcat(x, *step.gains, step.after, of_bank))
     return ca.Function("tracked", [carry, sample, constant], [step.carry, output], {"cse": True})
 
 
-@compiled(DirectionScan)
-def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step of the change of a filter's state and reported signals along directions of the parameters.
+@compiled(functools.partial(Scan, lanes=8, optimised=True))
+def step_with_gains(model: ObservedChain) -> ca.Function:
+    """The compiled step of the filter with given gains. No carry; sample = [dt, d, y, gains, x]; constant = c; output =
+    x after the step."""
+    n, n_d, _, n_c, m = sizes(model)
+    sample, dt, d, y, gains, x = partitioned("sample", 1, n_d, m, m * n, n)
+    nothing, no_p, c = ca.SX.sym("nothing", 0), ca.SX(0, 1), ca.SX.sym("c", n_c)
+    x = model.transition(x, dt, d, no_p, c)
+    for i, gain in enumerate(ca.vertsplit(gains, n) if m else ()):
+        x = x + gain * (y[i] - model.observation(x, d, no_p, c)[i])
+    return ca.Function("with_gains", [nothing, sample, c], [ca.SX(0, 1), ca.densify(x)], {"cse": True})
 
-    No carry; sample = [dt, d, then x, points, gains and state after the step of `TrackedLayout`]; constant = [c, c of
-    the report]; no output; carry' = x'; constant' = [c', c' of the report]; output' = reported'.
-    """
-    layout, tracked = ObserverLayout.of(model, report), TrackedLayout.of(model, report)
-    n, m = tracked.x, len(model.outputs)
-    sample, dt, d, x, points, gains, after = partitioned("sample", *layout.sample[:2], *tracked[:-1])
-    sizes_of_c = layout.constant[0], layout.constant[4]
-    constant, c, c_report = partitioned("constant", *sizes_of_c)
-    constant_dot, c_dot, report_dot = partitioned("constant_dot", *sizes_of_c)
-    nothing, no_p, x_dot = ca.SX.sym("nothing", 0), ca.SX(0, 1), ca.SX.sym("x_dot", n)
-    later = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
-    state = ca.SX.sym("state", n)
-    y = model.observation(state, d, no_p, c)
-    for i, (point, gain) in enumerate(zip(ca.vertsplit(points, n), ca.vertsplit(gains, n), strict=True) if m else ()):
-        y_dot = ca.jtimes(y[i], ca.vertcat(state, c), ca.vertcat(later, c_dot))
-        later = later - gain * ca.substitute(y_dot, state, point)
-    reported = report.observation(after, d, no_p, c_report)
-    reported_dot = ca.jtimes(reported, ca.vertcat(after, c_report), ca.vertcat(later, report_dot))
-    results = [ca.SX(0, 1), ca.SX(0, 1), later, reported_dot]
-    arguments = [nothing, sample, constant, x_dot, constant_dot]
-    return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})
+
+@compiled(functools.partial(Scan, lanes=8, optimised=True))
+def report_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step that gives the reported signals. No carry; sample = [d, x]; constant = c of the report."""
+    n, n_d, n_c = len(model.states), sizes(model)[1], len(report.known)
+    sample, d, x = partitioned("sample", n_d, n)
+    nothing, c = ca.SX.sym("nothing", 0), ca.SX.sym("c", n_c)
+    reported = ca.densify(report.observation(x, d, ca.SX(0, 1), c))
+    return ca.Function("report", [nothing, sample, c], [ca.SX(0, 1), reported], {"cse": True})

@@ -75,8 +75,9 @@ def _outputs(
             filtered = output.at(of_filter.samples)
             part = of_filter.with_accepted(filtered.accepted)  # smoother and sigma points use the same samples
             if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
-                values, variances = np.hsplit(smoothed, 2)
-                filtered.reported[:] = np.hstack([values, np.sqrt(variances)])
+                filtered.reported[:] = smoothed
+                _, sigmas = np.hsplit(filtered.reported, 2)
+                np.sqrt(sigmas, out=sigmas)  # of variances; a copy would need the memory of all states
             elif points.steps.size:  # the states of the filter remain where the smoother diverges
                 add_parameter_variance(observer, part, start, filtered, points)
             if smooth:  # later samples have agreed with the first ones
@@ -116,7 +117,10 @@ def smoothed_states(
         shape = len(part.rows), len(observer.report.outputs)
         lanes = kalman.smoother_step(model, observer.report).lanes
         variance = sigma_point_variance(points, effects, start, run, lanes, shape)
-        own[:] = _total_variance(own, own * excess, excess, variance[part.sample_indices])
+        for first in range(0, len(own), kalman.CHUNK):
+            chunk = slice(first, first + kalman.CHUNK)
+            added = variance[part.sample_indices[chunk]]
+            own[chunk] = _total_variance(own[chunk], own[chunk] * excess[chunk], excess[chunk], added)
     else:
         own *= excess
     return result
@@ -191,7 +195,7 @@ def _states(record: Record, observer: ObserverModel, status: NDArray[np.int8], o
     names, measured = observer.report.outputs, observer.model.outputs
     values, sigmas = np.hsplit(output.reported, 2)
     innovation, innovation_sigmas = np.hsplit(output.innovation, 2)
-    np.sqrt(innovation_sigmas, out=innovation_sigmas)  # of variances; a copy would need the memory of all states
+    np.sqrt(innovation_sigmas, out=innovation_sigmas)
     innovation[~np.isfinite(measurements(record, observer.stream.measured))] = np.nan
     return States(
         name=record.name,

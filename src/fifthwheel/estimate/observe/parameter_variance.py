@@ -5,21 +5,33 @@ The variance of a signal is the sum of the squares of its changes along the colu
 of the parameters.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from fifthwheel.base.types import Array
+from fifthwheel.base.native import Scan
+from fifthwheel.base.types import Array, Indices
 from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.estimate.observe.observer_model import ObserverModel
-from fifthwheel.estimate.observe.observer_step import ObserverLayout, TrackedLayout, sensitivity_step, tracked_step
+from fifthwheel.estimate.observe.observer_step import (
+    ObserverLayout,
+    TrackedLayout,
+    report_step,
+    step_with_gains,
+    tracked_step,
+)
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, positive_parameters
 from fifthwheel.model.dynamics.unit_equations import BANK
 
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
+SPACING = 0.04
+"""Time in which the derivatives of a step are taken as constant, s; changes are interpolated within it."""
+SETTLED = 1.0
+"""Time after a start in which the derivatives are those of each row, s: the gain changes from row to row."""
+STEP = 1e-6
+"""Of the differences: a fraction of the standard deviations of the parameters, SI of the states."""
 
 Pass = Callable[[Array, Array], Iterator[tuple[slice, Array]]]
 """(carry (B, n), constant (B, n)) -> reported signals of B vehicles, and their variances, (B, M, 2 n), for M of N rows
@@ -61,29 +73,77 @@ def parameter_variance(
     not depend on the other parameters, because P is wide enough.
     """
     models = observer.model, observer.report
-    layout, of_bank = ObserverLayout.of(*models), TrackedLayout.of(*models).of_bank
+    layout = ObserverLayout.of(*models)
     n_c, *between, n_report, _ = layout.constant
-    slopes = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
+    _, n_d, n_y, _ = layout.sample
+    directions = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
     first_report = n_c + sum(between)
-    directions = np.hstack([slopes[:, :n_c], slopes[:, first_report : first_report + n_report]])
     constant = observer.constant(gate=np.inf)[: sum(layout.constant)]
-    known = np.concatenate([constant[:n_c], constant[first_report : first_report + n_report]])
-    carry, carry_dot, nothing = start, points.unknowns @ effects, np.empty(0)
-    for first in range(0, len(rows), CHUNK):
-        chunk = slice(first, min(first + CHUNK, len(rows)))
-        samples = rows[chunk]
+    c, c_report = constant[:n_c], constant[first_report : first_report + n_report]
+    carry, change = start, (points.unknowns @ effects).T
+    n, k = change.shape
+    of_state = np.vstack([np.zeros((k, n)), np.eye(n)])  # along the directions, and each state
+    of_filter = np.vstack([directions[:, :n_c], np.zeros((n, n_c))])
+    of_report = directions[:, first_report : first_report + n_report]
+    for begins, stop in _row_groups(rows.time):
+        chunk, counts = slice(int(begins[0]), stop), np.diff(begins, append=stop)
+        samples, groups = rows[chunk], begins - begins[0]
         carry, tracked = tracked_step(*models)(carry, samples, constant)
-        samples = np.hstack([samples[:, : sum(layout.sample[:2])], tracked[:, :-of_bank]])
-        result = sensitivity_step(*models)(nothing, samples, known, carry_dot, directions, threads=os.cpu_count() or 1)
-        squares = np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot)
-        yield chunk, squares - points.with_bank * tracked[:, -of_bank:]
-        carry_dot = result.carry_dot
+        time = rows.time[chunk]
+        x, gains, after, bank = np.split(tracked, np.cumsum(TrackedLayout.of(*models))[:-1], axis=1)
+        middle, last = groups + counts // 2, groups + counts - 1
+        dt, gains = (np.add.reduceat(a, groups) / counts[:, None] for a in (samples[:, :1], gains))
+        sample = np.hstack([dt, samples[middle, 1 : 1 + n_d + n_y], gains])
+        slopes = _slopes(step_with_gains(models[0]), sample, x[middle], of_state[:, None, :], c, of_filter)
+        b, A = slopes[..., :k], slopes[..., k:]
+        changes = np.empty_like(b)
+        for i, count in enumerate(counts.tolist()):
+            for _ in range(count):
+                change = A[i] @ change + b[i]
+            changes[i] = change
+        d = samples[last, 1 : 1 + n_d]
+        slopes = _slopes(report_step(*models), d, after[last], np.moveaxis(changes, 2, 0), c_report, of_report)
+        yield chunk, _interpolated_squares(slopes, time[last], time) - points.with_bank * bank
+
+
+def _slopes(step: Scan, sample: Array, x: Array, x_dot: Array, constant: Array, constant_dot: Array) -> Array:
+    """Derivatives (M, n_output, k) of the outputs of a step without carry at M samples, by differences.
+
+    The arguments of the step are the samples with the states x (M, n) behind, and the constant; their derivatives along
+    k directions are x_dot (k, M or 1, n) and constant_dot (k, n_constant).
+    """
+    moves, constants = (STEP * np.concatenate([np.zeros_like(dot[:1]), dot]) for dot in (x_dot, constant_dot))
+    states = np.broadcast_to(x + moves, (len(moves), *x.shape))
+    lanes = np.concatenate([np.broadcast_to(sample, (len(moves), *sample.shape)), states], axis=2)
+    _, output = step.batch(np.empty((len(moves), 0)), lanes, constant + constants)
+    return np.asarray(np.moveaxis(output[1:] - output[0], 0, 2) / STEP)
+
+
+def _row_groups(time: Array) -> Iterator[tuple[Indices, int]]:
+    """The N rows in groups of about `SPACING`: the first rows of the groups of a pass, and the end of the last one."""
+    single = int(np.searchsorted(time, time[0] + SETTLED))
+    size = max(int(SPACING * (len(time) - 1) / max(np.ptp(time), SPACING)), 1)
+    begins = np.concatenate([np.arange(single), np.arange(single, len(time), size)])
+    passes = np.split(begins, np.searchsorted(begins, np.arange(CHUNK, len(time), CHUNK)))
+    ends = [int(later[0]) for later in passes[1:]] + [len(time)]
+    return zip(passes, ends, strict=True)
+
+
+def _interpolated_squares(slopes: Array, at: Array, time: Array) -> Array:
+    """Squared lengths (M, n) at times (M,) of the slopes (N, n, k) at times (N,), linear between these."""
+    squares = np.einsum("rnk,rnk->rn", slopes, slopes)
+    if len(at) == 1:
+        return np.asarray(squares)
+    products = np.einsum("rnk,rnk->rn", slopes[:-1], slopes[1:])
+    before = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
+    f = ((time - at[before]) / (at[before + 1] - at[before]))[:, None]
+    return np.asarray((1 - f) ** 2 * squares[before] + f**2 * squares[before + 1] + 2 * f * (1 - f) * products[before])
 
 
 def sigma_point_variance(
     points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int, shape: tuple[int, int]
 ) -> Array:
-    """The same for N rows (N, n), which is `shape`, as a smoother gives them.
+    """Variance of `parameter_variance` for N rows at once (N, n), which is `shape`, as a smoother gives them.
 
     `start` is [x, P] before the first row, `run` the smoother, with an even number of vehicles in a pass.
     """

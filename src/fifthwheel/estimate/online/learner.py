@@ -39,7 +39,7 @@ from fifthwheel.estimate.online.live_filter import LiveFilter
 from fifthwheel.estimate.online.online_model import online_setup
 from fifthwheel.estimate.online.settings import LearnerSettings
 from fifthwheel.estimate.online.start import LEARNER_FILE, EstimateBlock, combine_blocks, with_prior_means
-from fifthwheel.estimate.stream import VALID
+from fifthwheel.estimate.stream import VALID, take_turn
 from fifthwheel.truck import Vehicle
 
 
@@ -121,7 +121,7 @@ class Learner:
         self._live = LiveFilter(setup, learner or LearnerSettings(), *start)
         self._trailer = (occasion.trailer or vehicle.name) if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
-        self._time = math.nan  # of the last sample, s
+        self._time, self._idle = math.nan, [True]  # of the last sample, s; see `take_turn`
         self._log = LearnedLog(occasions={self._trailer: occasion})
 
     @classmethod
@@ -158,29 +158,28 @@ class Learner:
             (`observe.Status`), and "learning": 1 if it learned from this sample, else 0.
 
         Raises:
-            SignalError: time is missing, not finite, or not later than that of the last sample; the learner is
-                unchanged.
+            SignalError: the time is missing, not finite, or not after the previous one; or another thread pushes a
+                sample. The learner does not change. Samples in order for 1 s after the time went back are a new start.
         """
         live = self._live
+        take_turn(self._idle)
         try:
             if live.differences:
                 sample = sample_with_differences(sample, live.differences)
             get = sample.get
-            time = get("time", math.nan)
-            if time is None or not math.isfinite(time):
-                raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
-            if time <= self._time:
-                raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
-            status = live.push(time, [get(n) for n in live.inputs], [get(n) for n in live.outputs])
+            status = live.push(get("time"), [get(n) for n in live.inputs], [get(n) for n in live.outputs])
+            self._time = time = live.stream.time
+            answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
+            keys = live.view.keys
+            values = live.view.read(live.monitor.excess) if status in VALID else itertools.repeat(math.nan, len(keys))
+            answer.update(zip(keys, values, strict=True))
         except (AttributeError, TypeError):
             expect_sample(sample)
             raise
-        self._time = time
-        answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
-        keys = live.view.keys
-        values = live.view.read(live.monitor.excess) if status in VALID else itertools.repeat(math.nan, len(keys))
-        answer.update(zip(keys, values, strict=True))
-        return answer
+        else:
+            return answer
+        finally:
+            self._idle.append(True)
 
     def learn(self, record: Record) -> None:
         """Process all samples of a record; the result is the same to the last bit as that of `push`.

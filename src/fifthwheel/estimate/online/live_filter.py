@@ -115,7 +115,7 @@ class LiveFilter:
             correlation=known.correlation,
         )
 
-    def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
+    def push(self, time: float | None, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
         self.learning = False
         status = self.stream.process_sample(self, time, inputs, measured)
@@ -130,7 +130,7 @@ class LiveFilter:
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
         self.monitor.start()
-        self._start_time = stream.time
+        self._start_time, self._dropout_time = stream.time, min(self._dropout_time, stream.time)  # of one clock
         self.learning = False
 
     def ends(self, stream: Stream) -> tuple[list[float], list[float]]:

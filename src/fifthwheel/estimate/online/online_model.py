@@ -16,7 +16,7 @@ from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.estimate.identify.statement import stated
-from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, fixed_last_axles, known_of
+from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, known_of, left_out
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.online.settings import LearnerSettings
 from fifthwheel.model import dynamics
@@ -155,7 +155,7 @@ class OnlineModel:
 
     def transition_matrix(self, exponent: Matrix, decay: Matrix) -> Matrix:
         """dx+/dx (n, n) from the results of `transition_parts`."""
-        return ca.diagcat(transition_matrix(exponent, self.chain.order), decay * type(decay).eye(self.discrepancies))
+        return ca.diagcat(transition_matrix(exponent), decay * type(decay).eye(self.discrepancies))
 
     def values(self, p: ca.SX, c: ca.SX) -> dict[str, ca.SX]:
         """All parameters of the chain by name, from p and c."""
@@ -180,10 +180,9 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    axles = [name for name in fixed_last_axles(vehicle) if known_of(name, 0.0, settings).sigma is None]
-    axles = [name for name in axles if name not in vehicle.stated]
-    left_out = {dynamics.SPEED_DELAY, *axles}  # to save time
-    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
+    optional = [name for name in left_out(vehicle) if known_of(name, 0.0, settings).sigma is None]
+    omitted = {dynamics.SPEED_DELAY, *(name for name in optional if name not in vehicle.stated)}  # to save time
+    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in omitted))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
         raise SignalError("given: no unknown is left to estimate; state fewer as exact, or use an Observer")
@@ -241,12 +240,8 @@ def _online_model(
     none = ca.SX.zeros(m, 1)
     y = chain.observation(x[:n], d, chain_p, chain_c)
     exponent = chain.exponent(x[:n], dt, d, chain_p, chain_c)
-    # with tyres that saturate, the sensitivity of the chain neglects a derivative
-    exact = chain.observation_sensitivity
-    if chain.tyres != "linear":
-        symbols = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
-        exact = ca.Function("dy_dp", symbols, [ca.jacobian(chain.observation(*symbols), symbols[2])])
-    by_p = ca.jacobian(chain_p, p)
+    by_p, gradients = ca.jacobian(chain_p, p), chain.observation_gradients(x[:n], d, chain_p, chain_c)
+    H = ca.horzcat(gradients[:, :n], ca.SX.eye(m)) if m else gradients[:, :n]
     slopes_of_rates = chain.rate_sensitivities(x[:n], later[:n], dt, d, chain_p, chain_c)
     rate_slopes = [ca.vertcat(slope @ by_p, ca.SX(m, len(unknowns))) for slope in slopes_of_rates]
     transition = ca.vertcat(chain.transition(x[:n], dt, d, chain_p, chain_c), decay * x[n:])
@@ -263,7 +258,7 @@ def _online_model(
         transition_parts=ca.Function("transition_parts", arguments, [exponent, decay]),
         rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.vertcat(first, none), ca.vertcat(last, none)]),
         rate_slopes=ca.Function("rate_slopes", [x, later, dt, d, p, c], rate_slopes),
-        observation_slopes=ca.Function("observation_slopes", [x, d, p, c], [exact(x[:n], d, chain_p, chain_c) @ by_p]),
+        observation_slopes=ca.Function("observation_slopes", [x, d, p, c], [H, gradients[:, n:] @ by_p]),
     )
 
 

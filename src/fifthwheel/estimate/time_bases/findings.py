@@ -18,7 +18,7 @@ from fifthwheel.base.arguments import expect, expect_optional
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import WHEEL_SPEED, YAW_RATE, SignalName, channel_of, is_input, is_of, names_of
 from fifthwheel.data.checks import Fault, Finding, check
-from fifthwheel.data.checks.findings import error, remedy_text, warning
+from fifthwheel.data.checks.findings import error, remedy_text, uncertain_delay, warning
 from fifthwheel.data.checks.samples import without_spikes
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases.offsets import TimeOffset, common_offsets, offsets_of
@@ -248,14 +248,14 @@ def _residual(curve: LagCurve) -> Array:
 def _offset_finding(offset: TimeOffset, time_bases: Mapping[str, str]) -> Finding:
     """One finding on all signals with a common offset."""
     signal, *others = offset.signals
-    delay = round(offset.offset, 2)
+    delay, sigma = round(offset.offset, 2), max(offset.sigma, 0.005)
     base = f" ({time_bases[signal]})" if len({time_bases.get(name) for name in offset.signals} - {None}) == 1 else ""
     late = f"{abs(delay):.2f} s {'late' if delay > 0 else 'early'}{base}, with a sigma of {offset.sigma:.2f} s"
-    cure = remedy_text({"delay": delay})
+    cure = remedy_text({"delay": uncertain_delay(delay, sigma)})
     if others:
         late, cure = f"{late}, like {', '.join(others)}", f"{cure} for each of them"
     problem = f"{late}; {cure}, more if it has a delay already"
-    return warning(signal, Fault.TIME_OFFSET, problem, remedy={"delay": delay}, others=tuple(others))
+    return warning(signal, Fault.TIME_OFFSET, problem, remedy={"delay": delay}, sigma=sigma, others=tuple(others))
 
 
 def _drift_finding(rates: Sequence[ClockRate]) -> Finding:

@@ -72,6 +72,7 @@ def test_a_bad_first_log_is_set_aside_by_two_others() -> None:
         assert abs(estimate.value - TRUCK.parameters()[name]) < 3 * estimate.sigma
 
 
+@pytest.mark.slow
 def test_an_earlier_log_that_later_logs_contradict_is_set_aside(good) -> None:
     """A change at an earlier log, which only later logs show, belongs to this one."""
     first, second = good.knowledge.logs
@@ -129,6 +130,7 @@ def test_earlier_logs_with_doubts_are_named() -> None:
     assert method._doubtful(logs).startswith("Of these, log 1 is doubtful (bad mass); also doubtful: log 2. Remove")
 
 
+@pytest.mark.slow
 def test_a_bad_log_of_the_tractor_alone_is_set_aside_too(good, monkeypatch) -> None:
     monkeypatch.setattr(method, "_changed_tyres", lambda _: [tyre_change("tractor.drive.cornering_stiffness", "")])
     monkeypatch.setattr(method, "_is_contradicted", lambda *_: True)

@@ -11,6 +11,7 @@ from fifthwheel.estimate.identify.knowledge.history import PRIOR_SIGMAS, changes
 from tests.estimate.identify.knowledge.conftest import FRONT, REAR, identified, moved
 
 
+@pytest.mark.slow
 def test_every_estimate_has_its_owner_and_its_last_log(knowledge):
     found = {(e.name, e.owner.get("trailer")): e for e in shared_estimates(knowledge)}
     front = found[FRONT, None]
@@ -131,6 +132,7 @@ def test_a_log_begins_with_trailer_and_load_of_the_last_log(knowledge):
     assert [(occasion.trailer, occasion.load) for occasion in found] == expected
 
 
+@pytest.mark.slow
 def test_doubts_are_kept_and_named_by_later_results(logs):
     truck, steer = fw.vehicle("cheng_cebon_2011"), "steer.tractor.front"
 

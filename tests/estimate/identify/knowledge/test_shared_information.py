@@ -45,6 +45,7 @@ def linearised_alone(together, i):
     return Solution(dataset=together.dataset, minimum=replace(together.minimum, objective=alone, z=z), uninformed={})
 
 
+@pytest.mark.slow
 def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> None:
     """All logs linearised at one point: with the prior N(0, I), the sums give estimate and covariance of all shared
     unknowns, of the masses and lengths of the vehicle file too. Linear tyres have no friction, which is the log's own;
@@ -65,6 +66,7 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
     np.testing.assert_allclose(P @ (first.vector + second.vector), step[places], atol=1e-7)
 
 
+@pytest.mark.slow
 def test_single_logs_combine_to_the_identification_of_all() -> None:
     """Without drift, value and sigma of every parameter are those of the identification of both logs. Each log is
     linearised at its own estimate, with a road of its own, which explains the rest of the difference, 0.16 sigma where

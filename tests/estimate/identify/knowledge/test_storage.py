@@ -144,6 +144,7 @@ def mutate(content, generator):
         return
 
 
+@pytest.mark.slow
 def test_random_changes_give_a_result_or_an_error_of_this_family(changed):
     generator, refused = random.Random(1), 0
     for _ in range(150):

@@ -15,6 +15,8 @@ from fifthwheel.results.diagnose.cautions import identification_cautions
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.unit import Accelerometer
 
+pytestmark = pytest.mark.slow
+
 NAME = "lateral_acceleration.tractor"
 EXACT = OneStage(tyres="linear", given={"others": "exact", "*_rate.*.delay": "exact", "steer.*.gain": "+- 5 %"})
 """The vehicle file and the latency of gyros are exact; all other sensor errors are estimated."""
@@ -126,7 +128,7 @@ def test_states_use_the_estimated_errors(result: Identification, log: Record) ->
 
 def test_vibration_is_noise(log: Record, guess: Vehicle) -> None:
     """A channel with little besides vibration contributes little, and does not make the estimates untrustworthy."""
-    vibration = 1.2 * np.random.default_rng(6).normal(size=len(log))
+    vibration = 2.4 * np.random.default_rng(6).normal(size=len(log))
     result = identify([log.with_signals({NAME: log.signals[NAME] + vibration})], guess, EXACT)
     assert next(fit.explained for fit in result.fits if fit.signal == NAME) < 0.5
     assert {e.verdict for e in result.parameters} == {"converged"}
@@ -135,7 +137,7 @@ def test_vibration_is_noise(log: Record, guess: Vehicle) -> None:
 
 def test_an_unrelated_channel_is_the_cause_of_a_doubt(log: Record, guess: Vehicle, truck: Vehicle) -> None:
     """An error of this sensor; the other channels determine the parameters."""
-    wrong = log.with_signals({NAME: 2.0 * np.sin(1.3 * log.time)})
+    wrong = log.with_signals({NAME: 1.4 * np.sin(1.3 * log.time)})
     result = identify([wrong], guess, replace(EXACT, check=False))
     (doubt,), truth = result.doubts, truck.parameters()
     assert [cause.name.startswith(NAME) for cause in doubt.causes] == [True]

@@ -151,6 +151,7 @@ def found(truck, record):
     return result, steps
 
 
+@pytest.mark.slow
 def test_a_gyro_that_is_turned_is_named_with_its_angle(found):
     """23 standard deviations of its prior, far beyond the linear test, which understates it."""
     result, steps = found
@@ -174,6 +175,7 @@ def test_the_joint_covariance_contains_the_shifts_of_the_causes(found):
     assert np.linalg.eigvalsh(others / np.sqrt(np.outer(np.diag(others), np.diag(others)))).min() > -1e-9
 
 
+@pytest.mark.slow
 def test_the_file_of_another_truck_is_the_cause(record):
     """No number and no delay is proposed, and the excitation is not to blame."""
     identification = fw.identify([record], fw.vehicle("auburn_6x4"), SETTINGS)
@@ -187,6 +189,7 @@ def test_the_file_of_another_truck_is_the_cause(record):
     assert doubt.statistic > LARGE_DISCREPANCY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("foreign", [True, False])
 def test_a_validation_log_of_another_trailer_contradicts(truck, record, foreign):
     p = truck.parameters()
@@ -211,6 +214,7 @@ def test_states_of_a_doubtful_identification_say_so(record, found):
     assert conclusion.cautions[0].startswith("Identification: The logs contradict")
 
 
+@pytest.mark.slow
 def test_a_log_with_a_truck_that_is_hardly_known_has_sensors(truck, record, found):
     """A contradiction may leave a sigma above the value; a log still has sensor errors."""
     identification, _ = found

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import Dataset
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind, PriorTest, linear_odds
-from fifthwheel.estimate.identify.one_stage.causes import quick_doubts
+from fifthwheel.estimate.identify.one_stage.doubts import quick_doubts
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, gross_error

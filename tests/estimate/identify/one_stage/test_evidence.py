@@ -30,12 +30,14 @@ def doubts(result: Identification, kind: DoubtKind) -> list[Doubt]:
     return [doubt for doubt in result.doubts if doubt.kind is kind]
 
 
+@pytest.mark.slow
 def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
     result = identify([clean], truck, LINEAR)
     assert result.doubts == ()
     assert {e.verdict for e in result.parameters} == {Verdict.CONVERGED}
 
 
+@pytest.mark.slow
 def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record) -> None:
     """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found. An unknown delay
     of the steering would explain much of that of the tractor."""
@@ -52,6 +54,7 @@ def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record) -> 
     assert all(abs(e.value - truth[e.name]) < 3.5 * e.sigma for e in result.parameters)
 
 
+@pytest.mark.slow
 def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=3)
     result = identify([late(record, 0.08, TRAILER)], truck, LINEAR)
@@ -68,6 +71,7 @@ def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle
             assert name in doubt.parameters
 
 
+@pytest.mark.slow
 def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Record) -> None:
     names = (TRAILER, "roll_rate.semitrailer")
     record = replace(late(clean, 0.05, *names), time_bases=dict.fromkeys(names, "trailer logger"))
@@ -78,6 +82,7 @@ def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Reco
     assert delay.sigma < 0.02
 
 
+@pytest.mark.slow
 def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
     """Timestamps that count 0.9 s in a second. A shorter trailer is another cause."""
     record = simulate(truck, count=5, seed=1)
@@ -87,6 +92,7 @@ def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
     assert change == pytest.approx(1 / 0.9 - 1, rel=0.3)
 
 
+@pytest.mark.slow
 def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
     """A bias of ten standard deviations. The two yaw rates do not show which of them is biased, so both are named."""
     biased = clean.with_signals({YAW: clean.signals[YAW] + 0.04})

@@ -43,11 +43,11 @@ def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.4) -> tup
 
 @pytest.mark.slow
 def test_means_and_sigmas_are_those_of_samples() -> None:
-    record = Plant(TRUCK).drive(lane_changes(count=1)).record(article_sensors(TRUCK), seed=1)
+    record = Plant(TRUCK).drive(lane_changes(count=1), rate=50.0).record(article_sensors(TRUCK), seed=1)
     density = log_posterior([record], initial_guess(TRUCK, 1), OneStage(given=KNOWN))
-    # The noise of the solution is fixed. A chain may stay in a tail for long, so the median of nine counts. The
+    # The noise of the solution is fixed. A chain may stay in a tail for long, so the median of three counts. The
     # posterior is skew: its mode and its mean differ by up to 0.4 sigma, and medians of other chains by 0.2 sigma.
-    chains = [sampled(density, 800, seed)[0][100:] for seed in range(9)]
+    chains = [sampled(density, 700, seed)[0][100:] for seed in range(3)]
     mean, sigma = (np.median([moment(chain, axis=0) for chain in chains], axis=0) for moment in (np.mean, np.std))
     for name in (name for name in density.solution.estimated if not name.startswith("road")):
         i = density.names.index(name)
@@ -64,10 +64,10 @@ def test_the_posterior_of_a_result_is_that_of_samples() -> None:
     settings = OneStage(given={"*": "exact", **dict.fromkeys(names, "free")}, tyres="linear")
     arguments = [simulate(TRUCK, count=1, seed=1)], TRUCK, settings
     result, density = identify(*arguments), log_posterior(*arguments)
-    chain, accepted = sampled(density, 4000, seed=2, b=0.7)
+    chain, accepted = sampled(density, 2000, seed=2, b=0.7)
     assert accepted > 0.5
     posterior = result.posterior.among(names)
-    values = density.values(chain[200:])
+    values = density.values(chain[100:])
     draws = np.column_stack([values[name] for name in posterior.names])
     relative = np.sqrt(np.diag(density.covariance))[[density.names.index(name) for name in posterior.names]]
     sigma = relative * np.array([result[name].prior / result[name].initial for name in posterior.names])

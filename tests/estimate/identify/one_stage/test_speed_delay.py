@@ -39,11 +39,13 @@ def results() -> list[fw.Identification]:
     return [fw.identify([log_with_late_speed(truck)], truck, each) for each in settings]
 
 
+@pytest.mark.slow
 def test_it_is_estimated(results: list[fw.Identification]) -> None:
     (delay,) = [error for error in results[0].sensors if error.name == "speed.delay"]
     assert abs(delay.value - DELAY) < 3 * delay.sigma < 0.02
 
 
+@pytest.mark.slow
 def test_without_it_the_estimates_are_wrong(results: list[fw.Identification]) -> None:
     """They have three times the error, and no smaller sigma."""
     truth = fw.vehicle("cheng_cebon_2011").parameters()

@@ -47,6 +47,7 @@ def result(log: Record, truck: Vehicle) -> Identification:
     return identify([log], truck, EXACT)
 
 
+@pytest.mark.slow
 def test_it_finds_the_difference_of_the_radii(result: Identification) -> None:
     errors = {e.name.removeprefix(f"{NAME}."): e for e in result.sensors if e.name.startswith(NAME)}
     assert errors.keys() == {"offset", "gain", "load_sensitivity", "delay"}
@@ -58,6 +59,7 @@ def test_it_finds_the_difference_of_the_radii(result: Identification) -> None:
     assert [e.unit for e in errors.values()] == ["1", "1", "1", "s"]
 
 
+@pytest.mark.slow
 def test_it_adds_information(result: Identification, without: Record, truck: Vehicle) -> None:
     """More signals do not enlarge a sigma, and the estimates are within three of it."""
     alone, truth = identify([without], truck, EXACT), truck.parameters()
@@ -69,10 +71,12 @@ def test_it_adds_information(result: Identification, without: Record, truck: Veh
     assert not any(note.startswith("yaw_rate.semitrailer") for note in result.notes)
 
 
+@pytest.mark.slow
 def test_check_counts_its_information(log: Record, truck: Vehicle) -> None:
     assert predict_sigmas([log], truck, EXACT).noise[log.name].keys() >= {NAME}
 
 
+@pytest.mark.slow
 def test_states_use_the_estimated_errors(result: Identification, log: Record) -> None:
     settings = result.observer_settings(log.name)
     assert settings.sensor_errors[f"{NAME}.offset"] == pytest.approx(DIFFERENCE, abs=1e-3)
@@ -90,9 +94,10 @@ def test_exchanged_sides_are_refused(log: Record, truck: Vehicle) -> None:
         identify([exchanged], truck, EXACT)
 
 
+@pytest.mark.slow
 def test_two_stages_do_not_use_it(log: Record, without: Record, truck: Vehicle) -> None:
     towed, settings = (
-        {"yaw_rate.semitrailer": log.signals["yaw_rate.tractor"]},
+        {f"{rate}.semitrailer": log.signals[f"{rate}.tractor"] for rate in ("yaw_rate", "roll_rate")},
         TwoStage(rounds=1, passes=2, check=False),
     )
     results = [identify([record.with_signals(towed)], truck, settings) for record in (log, without)]

@@ -34,6 +34,7 @@ def test_sigma_is_that_of_the_axles_and_the_kingpin() -> None:
     assert wheelbases(WRONG, TRUCK, known, {}) == []
 
 
+@pytest.mark.slow
 def test_the_file_of_the_result_has_the_sigma_of_the_posterior() -> None:
     """Read again, the file gives the wheelbase the sigma of the result; what is exact or not stated remains so."""
     given = TRUCK.with_stated(dict.fromkeys(AXLES, 0.4) | {"tractor.cog": 0.05, "tractor.mass": 0.0})

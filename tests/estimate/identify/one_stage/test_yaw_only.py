@@ -34,6 +34,7 @@ def result(record: Record) -> Identification:
     return identify([record], TRUCK.replace(guess), YAW)
 
 
+@pytest.mark.slow
 def test_the_parameters_of_a_truck_without_roll(result: Identification) -> None:
     names = [e.name for e in result.parameters]
     assert HEIGHT not in names
@@ -79,6 +80,7 @@ def test_what_would_be_dropped_is_refused() -> None:
         OneStage(roll=False, uniform_payload=False)
 
 
+@pytest.mark.slow
 def test_earlier_logs_may_have_had_roll(record: Record, result: Identification) -> None:
     log = simulate(TRUCK, count=1, seed=2)
     both = identify([log], TRUCK, replace(YAW, roll=True))

@@ -23,6 +23,8 @@ from fifthwheel.estimate.online import Learner
 from fifthwheel.truck.quantities import BANK_VARIATION, quantity_of
 from tests.estimate.identify.result.conftest import RUN, TRUCK
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("name", ["result", "published"])
 def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):

@@ -349,6 +349,7 @@ def test_what_is_reported_keeps_its_prior(truck: Vehicle) -> None:
         by_name(truck, OneStage(reported=("yaw_inerta",)))
 
 
+@pytest.mark.slow
 def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
     """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
     front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)

@@ -70,7 +70,8 @@ def test_a_wide_prior_covers_what_a_truck_can_have(truck: Vehicle) -> None:
 def test_each_row_is_of_an_unknown(truck: Vehicle) -> None:
     stated = dict.fromkeys(("semitrailer.front.position", "fifth_wheel.leading_position"), 0.05)
     stated["fifth_wheel.trailing_position"] = 0.05
-    weighed = truck.replace({"fifth_wheel.roll_damping": 1e3}).with_stated({"semitrailer.sprung.mass": 50.0})
+    joint = {f"fifth_wheel.{key}": 1e3 for key in ("roll_damping", "yaw_stiffness", "yaw_damping")}
+    weighed = truck.replace(joint).with_stated({"semitrailer.sprung.mass": 50.0})
     cases = ((truck, "saturating"), (truck, "linear"), (truck.with_stated(stated), "saturating"), (weighed, "linear"))
     used = {id(quantity_of(name)) for vehicle, tyres in cases for name in unknowns(vehicle, tyres)}
     unused = {key for key, row in QUANTITIES.items() if row.gross and id(row) not in used}

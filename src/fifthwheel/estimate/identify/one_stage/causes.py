@@ -1,4 +1,4 @@
-"""The doubts of one stage, and the likely causes of a contradiction by comparison of hypotheses.
+"""The likely causes of a contradiction by comparison of hypotheses.
 
 H_0: the priors of all numbers hold. H_k: number k has a gross error (`quantities`), in one log if each log has its own,
 so that its prior has w_k times the standard deviation. With the cost J of the problem, the posterior variance P_kk of
@@ -19,29 +19,19 @@ the change of any one number would mislead. `benchmarks/constants.md` shows what
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fifthwheel.base.types import Array
 from fifthwheel.data.checks import Fault
-from fifthwheel.estimate.identify.doubts import (
-    ABOUT_AS_LIKELY,
-    NONLINEAR_ACCELERATION,
-    Doubt,
-    DoubtKind,
-    Evidence,
-    PriorTest,
-    linear_odds,
-    most_likely,
-)
+from fifthwheel.estimate.identify.doubts import ABOUT_AS_LIKELY, PriorTest, linear_odds
 from fifthwheel.estimate.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, minimise
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.estimate.identify.unknowns.unknown import RANGE, GrossError, gross_error, is_possible
-from fifthwheel.truck.quantities import FRICTION
+from fifthwheel.estimate.identify.unknowns.unknown import RANGE, GrossError, gross_error
 
 TITLE = "test of assumptions"
 """Of the progress."""
@@ -49,8 +39,8 @@ MOST_HYPOTHESES = 10
 """Largest number of fits, those that the linear tests find most probable."""
 LEAST_LINEAR_ODDS = -5.0
 """Logarithm. A gross error distorts its linear test, whose odds are often too small."""
-SAMPLES = 6_000
-"""Of longer logs, the fits use about this number of samples."""
+ROWS = 2_000
+"""Of longer logs, the fits use about this number of rows."""
 ITERATIONS, TOLERANCE = 16, 0.5
 """Of each fit, whose result is a rank and a size."""
 LARGE_DISCREPANCY = 0.1
@@ -59,48 +49,6 @@ truck 0.12 or more. A real truck may leave as much with its own file, but contra
 LARGE_PULL = 2.5
 """Of all priors together: twice their cost over its expected value. If all are right, 1 of 1000 logs exceeds it: one
 lane change informs about 16 combinations of the unknowns (chi-square)."""
-
-
-def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:
-    """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
-
-    `likely` are the causes of a contradiction, see `causes`. What the first of them explains is no further doubt.
-    `left` is the discrepancy, as a fraction of the signals, of logs that nothing explains.
-    """
-    problem, posterior = solution.problem, solution.linearisation.posterior
-    evidence = Evidence(
-        names=problem.names,
-        z=solution.minimum.z + likely[0].shifts if likely else solution.minimum.z,
-        covariance=posterior.covariance,
-        unknowns=problem.unknowns_by_name,
-        parameters=solution.estimated,
-    )
-    unexplained = [] if left is None else [evidence.unexplained(left)]
-    return [
-        *unexplained,
-        *evidence.contradicted_assumptions(likely),
-        *evidence.unusual_estimates(exempt=(FRICTION, *[test.name for test in likely])),
-        *_nonlinear_range(solution),
-    ]
-
-
-def quick_doubts(solution: Solution) -> list[Doubt]:
-    """The doubts without a fit for each cause: of the uncertain numbers, by the linear tests of their priors."""
-    unknowns = solution.problem.unknowns_by_name
-    tests = [t for t in solution.linearisation.tests if unknowns[t.name].is_uncertain]
-    possible = [test for test in tests if is_possible(unknowns[test.name], test.implied)]
-    return find_doubts(solution, most_likely(possible, unknowns) or most_likely(tests, unknowns))
-
-
-def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
-    """Logs beyond the range of the linear model."""
-    if solution.settings.tyre_law != "linear":
-        return
-    for record, largest in zip(solution.dataset.records, solution.lateral_accelerations, strict=True):
-        if largest > NONLINEAR_ACCELERATION:
-            yield Doubt(
-                kind=DoubtKind.RANGE, causes=(), parameters=solution.estimated, statistic=largest, log=record.name
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +96,7 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
 
 def _base(solution: Solution) -> Minimum[Problem]:
     """The solution for the samples that the fits use."""
-    problem, z = solution.problem.shortened(SAMPLES), solution.minimum.z.copy()
+    problem, z = solution.problem.shortened(ROWS), solution.minimum.z.copy()
     if problem is solution.problem:
         return solution.minimum
     z[_initial_states(problem)] = 0.0  # the parts begin later than the segments

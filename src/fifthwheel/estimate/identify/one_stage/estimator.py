@@ -51,8 +51,8 @@ NOISE_UPDATES = 5
 """Of the start: one raises the variance at most by the square of the limit for outliers."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
-EARLY_SAMPLES = 4_000
-"""Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part. So
+EARLY_ROWS = 1_500
+"""Of longer logs, every fit but the last uses about this number of rows: of each segment, the most steered part. So
 does the first look at what the inputs excite."""
 LEAST_DECAY = 0.1
 """Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
@@ -137,7 +137,7 @@ class _Estimator:
             remaining = {name: posterior.sigma_of(name) for name in setup.estimated}
             return uninformed_parameters(posterior, remaining, unseen, setup.settings.excited)
 
-        part = problem.shortened(EARLY_SAMPLES) if problem.output_error else problem
+        part = problem.shortened(EARLY_ROWS) if problem.output_error else problem
         uninformed = uninformed_by(part)
         return uninformed if part is problem or uninformed.keys() <= unseen else uninformed_by(problem)
 
@@ -161,15 +161,15 @@ class _Estimator:
         problem = Problem(self.setup, self.dataset.logs, self.earlier)
         if not self.setup.settings.adapt_noise:
             return self._fit(problem, self._initial(problem), WHITE, progress)
-        samples, early = EARLY_SAMPLES, self._early_fits(problem.shortened(EARLY_SAMPLES), progress)
+        rows, early = EARLY_ROWS, self._early_fits(problem.shortened(EARLY_ROWS), progress)
         while len(early.objective) < len(problem):
             z = early.z
             for indices in itertools.chain(*problem.layout.initial_states):  # the parts begin later than the segments
                 z[indices] = 0.0
             if problem.excess(z, early.objective) < LARGEST_EXCESS:
                 return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
-            samples *= 2
-            early = self._early_fit(_coloured(problem.shortened(samples), z), z, progress)
+            rows *= 2
+            early = self._early_fit(_coloured(problem.shortened(rows), z), z, progress)
         return self._fit(_coloured(early.objective, early.z), early.z, FINAL, progress, reweighted=_coloured)
 
     def _early_fits(self, problem: Problem, progress: Progress) -> Minimum[Problem]:

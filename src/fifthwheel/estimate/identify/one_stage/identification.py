@@ -13,7 +13,8 @@ from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.doubts import PriorTest
 from fifthwheel.estimate.identify.estimates import stated_estimates
 from fifthwheel.estimate.identify.fits import evaluate_fits, fits_of
-from fifthwheel.estimate.identify.one_stage.causes import Causes, find_doubts
+from fifthwheel.estimate.identify.one_stage.causes import Causes
+from fifthwheel.estimate.identify.one_stage.doubts import find_doubts
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Minimum, remaining_step
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.problem import Problem
@@ -29,6 +30,7 @@ from fifthwheel.estimate.identify.verdict import (
     is_stated,
     remaining_fraction,
     still_moving,
+    straight_running,
     uncertain_verdict,
     uninformed_parameters,
 )
@@ -126,7 +128,8 @@ def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Ve
         name: remaining_fraction(unknowns[name], values[name], posterior.sigma_of(name)) for name in solution.estimated
     }
     by_result = uninformed_parameters(posterior, remaining, (), solution.settings.excited)
-    uninformed = {**by_result, **solution.uninformed}
+    straight = straight_running(solution.estimated, solution.lateral_accelerations)
+    uninformed = {**straight, **by_result, **solution.uninformed}
     return {
         name: Verdict.STATED if is_stated(problem.vehicle, name) else verdict for name, verdict in uninformed.items()
     }

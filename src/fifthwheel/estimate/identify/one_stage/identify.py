@@ -11,7 +11,8 @@ from fifthwheel.estimate.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER, LogKnowledge, Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import OUTLYING, UNSURE, Knowledge, LogChange, tyre_change
-from fifthwheel.estimate.identify.one_stage.causes import likely_causes, quick_doubts
+from fifthwheel.estimate.identify.one_stage.causes import likely_causes
+from fifthwheel.estimate.identify.one_stage.doubts import quick_doubts
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.identification import build_identification
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior

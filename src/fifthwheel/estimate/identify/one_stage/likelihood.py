@@ -79,7 +79,7 @@ def huber(size: Array, limit: float) -> Array:
 
 def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array, Array]:
     """Gradient of the loss (k,), and Fisher information (k, k)."""
-    error, present, weight = _weights(block, limit)
+    error, present, weight = weights(block.error, block.variance, limit)
     k, root = len(block.indices), np.sqrt(weight)
     rows = (block.jacobian * root[..., None]).reshape(root.size, k)
     gradient, gram = (root * error).ravel() @ rows, rows.T @ rows
@@ -92,7 +92,7 @@ def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array,
 
 def scores(block: ResidualBlock, limit: float) -> Array:
     """Gradient of the loss of each sample (N, k)."""
-    error, present, weight = _weights(block, limit)
+    error, present, weight = weights(block.error, block.variance, limit)
     gradients = np.einsum("nm,nmk->nk", weight * error, block.jacobian)
     if block.variance_jacobian is not None:
         factor = (present - weight * error**2) / (2 * block.variance)
@@ -100,9 +100,9 @@ def scores(block: ResidualBlock, limit: float) -> Array:
     return np.asarray(gradients)
 
 
-def _weights(block: ResidualBlock, limit: float) -> tuple[Array, NDArray[np.bool_], Array]:
+def weights(error: Array, variance: Array, limit: float) -> tuple[Array, NDArray[np.bool_], Array]:
     """Errors, zero where missing; which are present; and the weight of each, 1/variance or less: (N, m)."""
-    present = ~np.isnan(block.error)
-    error = np.where(present, block.error, 0.0)
-    size = np.abs(error) / np.sqrt(block.variance)
-    return error, present, present * np.minimum(1.0, limit / np.maximum(size, 1e-9)) / block.variance
+    present = ~np.isnan(error)
+    error = np.where(present, error, 0.0)
+    size = np.abs(error) / np.sqrt(variance)
+    return error, present, present * np.minimum(1.0, limit / np.maximum(size, 1e-9)) / variance

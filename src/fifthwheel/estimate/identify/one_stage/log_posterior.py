@@ -189,11 +189,9 @@ class LogPosterior:
         return -self.problem.cost(z) if ((z >= lower) & (z <= upper)).all() else -np.inf
 
     def gradient(self, x: ArrayLike | Mapping[str, float]) -> Array:
-        """Derivatives (k,) of the logarithm of the density by x; arguments and errors as of `density(x)`.
-
-        They are exact but for rounding: with tyres that saturate, Jacobians are in single precision.
-        """
-        return -self.problem.expand(self._finite(x)).gradient[self._indices]
+        """Derivatives (k,) of the logarithm of the density by x; arguments and errors as of `density(x)`. They are
+        exact but for rounding."""
+        return -self.problem.gradient(self._finite(x))[self._indices]
 
     def fisher_information(self, x: ArrayLike | Mapping[str, float]) -> Array:
         """Information (k, k) of the logs on x; the prior adds its precision, which is about the identity."""

@@ -8,39 +8,20 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from fifthwheel.base.native import AdjointScan, DirectionScan
+from fifthwheel.base.native import AdjointScan, DirectionScan, GradientScan
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.filters import tangent
-from fifthwheel.estimate.filters.initial_state import bank_effect, equilibrium, steady_initial_state, steer_angles
+from fifthwheel.estimate.filters.initial_state import equilibrium, steer_angles
 from fifthwheel.estimate.filters.step_rows import StepRows
-from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock
+from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock, weights
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 
 SMALL_CHANGE = 1e-3
-"""Of the speed, m/s, for central differences."""
-
-
-def steady_state(
-    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float], bank: float = 0.0
-) -> Array:
-    """The steady state (n,) of constant inputs, speed and steer angles by name, on a road with a bank, rad.
-
-    `values` of model parameters, SI, replace those of the vehicle, and give steering offsets and gains.
-    """
-    x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
-    return np.append(x0, bank) if model.bank else x0
-
-
-def steady_state_bank_slope(
-    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float]
-) -> Array:
-    """Derivative (n,) of `steady_state` with respect to the bank, for a model with bank."""
-    _, m = steady_initial_state(vehicle, inputs, values, roll=model.roll)
-    return bank_effect(m)
+"""Of an unknown, in prior standard deviations, for central differences."""
 
 
 def steady_state_slopes(
@@ -49,53 +30,59 @@ def steady_state_slopes(
     inputs: Mapping[str, float],
     values: Mapping[str, float],
     unknowns: Sequence[Unknown],
-    bank: float = 0.0,
+    state: Array,
+    m: dynamics.Matrices,
 ) -> Array:
-    """Derivative of `steady_state` with respect to the values of k unknowns (k, n).
+    """Derivative of a steady state with respect to the values of k unknowns (k, n), those of the states of the model.
 
     The steady state x solves F x + G d = 0, so F x' = -(F' x + (G d)'), with the derivatives of the matrices and of the
     steer angles d by central differences: they are almost linear in the parameters. It is zero for every unknown that
     changes neither a parameter of the vehicle nor the first speed or steer angle, and for an unstable vehicle.
+
+    Args:
+        model: with the states.
+        vehicle, inputs, values: as for `steady_initial_state`; inputs may have rates, by which delays change them.
+        unknowns: (k,).
+        state: the steady state, with the bank as the last one.
+        m: the matrices of the steady state.
     """
     parameters, slopes = vehicle.parameters(), np.zeros((len(unknowns), len(model.states)))
-    late, speed = inputs.get(dynamics.SLOPES["speed"], 0.0), inputs["speed"]
-    for i, u in enumerate(unknowns):
-        if late and (rate := u.slopes.get(dynamics.SPEED_DELAY)):
-            faster, slower = (
-                steady_initial_state(vehicle, {**inputs, "speed": s}, values, roll=model.roll, bank=bank)[0]
-                for s in (speed + SMALL_CHANGE, speed - SMALL_CHANGE)
-            )
-            slopes[i, : len(faster)] = rate * late * (faster - slower) / (2 * SMALL_CHANGE)
-    relevant = {*parameters, *dynamics.steer_parameters(vehicle)}
-    moved = {
-        i: rates for i, u in enumerate(unknowns) if (rates := {n: r for n, r in u.slopes.items() if n in relevant})
-    }
+    places = {name: place for place, name in enumerate(parameters)}
+    of_inputs = {*dynamics.steer_parameters(vehicle), dynamics.SPEED_DELAY}
+    moved = [i for i, u in enumerate(unknowns) if not (places.keys() | of_inputs).isdisjoint(u.slopes)]
     if not moved:
         return slopes
-    x, m = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
-    state, rows, steers, steps = np.append(x, bank), [], [], []
-    for i, rates in moved.items():
-        steps.append(1e-3 * unknowns[i].prior_sigma)
-        for step in (steps[-1], -steps[-1]):
-            change = {name: step * rate for name, rate in rates.items()}
-            changed = {**values, **{name: values[name] + difference for name, difference in change.items()}}
-            rows.append([changed.get(name, value) for name, value in parameters.items()])
-            steers.append(steer_angles(vehicle, _delayed(inputs, change), changed))
-    varied = dynamics.matrices_of_variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
+    level = _with_errors(vehicle, inputs, values, {})
+    variants = np.tile([values.get(name, value) for name, value in parameters.items()], (len(moved), 2, 1))
+    steps, driven = np.array([SMALL_CHANGE * unknowns[i].prior_sigma for i in moved]), []
+    for i, step, pair in zip(moved, steps, variants, strict=True):
+        for row, change in zip(pair, (step, -step), strict=True):
+            changes = {name: change * rate for name, rate in unknowns[i].slopes.items()}
+            for name in places.keys() & changes.keys():
+                row[places[name]] += changes[name]
+            errors = {name: changes[name] for name in of_inputs & changes.keys()}
+            driven.append(_with_errors(vehicle, inputs, values, errors) if errors else level)
+    speeds, steers = zip(*driven, strict=True)
+    flat = variants.reshape(-1, len(parameters))
+    varied = dynamics.matrices_of_variants(vehicle, speeds, flat, roll=model.roll, bank=True)
     unbalanced = np.einsum("nij,j->ni", varied.F, state) + np.einsum("nij,nj->ni", varied.G, np.array(steers))
-    slope = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
-    slopes[list(moved), : len(x)] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], slope.T)).T
+    slope = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * steps)[:, None]
+    slopes[moved, : len(state) - 1] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], slope.T)).T
     return slopes
 
 
-def _delayed(inputs: Mapping[str, float], change: Mapping[str, float]) -> dict[str, float]:
-    """First inputs after a change of parameters: a delay changes the first steer angle by its derivative."""
+def _with_errors(
+    vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float], errors: Mapping[str, float]
+) -> tuple[float, Array]:
+    """The first speed and steer angles after changes of errors; a delay changes the first input by its derivative."""
     changed = dict(inputs)
-    for name, difference in change.items():
+    for name, difference in errors.items():
         error = SensorErrorName.of(name)
         if error and error.kind == "delay":
-            changed[error.signal] += difference * inputs.get(dynamics.rate_input(error.signal), 0.0)
-    return changed
+            rate = dynamics.SLOPES.get(error.signal) or dynamics.rate_input(error.signal)
+            changed[error.signal] += difference * inputs.get(rate, 0.0)
+    moved = {name: values[name] + difference for name, difference in errors.items()}
+    return changed["speed"], steer_angles(vehicle, changed, {**values, **moved})
 
 
 def segment_blocks(
@@ -117,15 +104,43 @@ def segment_blocks(
     for chunk in chunks:
         in_chunk, in_rows = _samples(rows, chunk.rows)
         values, slopes = chunk.values[in_chunk], chunk.slopes[in_chunk]
-        m = values.shape[1] // 3
+        error, variance = _residuals(values)
+        m = error.shape[1]
         yield ResidualBlock(
             time=rows.time[in_rows],
-            error=np.where(values[:, 2 * m :] > 0, values[:, :m], np.nan),
-            variance=values[:, m : 2 * m],
+            error=error,
+            variance=variance,
             jacobian=slopes[:, :m],
             variance_jacobian=slopes[:, m:] if slopes.shape[1] > m else None,
             indices=indices[chunk.directions],
         )
+
+
+def segment_gradient(
+    scan: GradientScan,
+    rows: StepRows,
+    start: tuple[Array, Array],
+    constant: Array,
+    directions: Array,
+    limit: float,
+) -> Array:
+    """Gradient (k,) of the loss of a segment along `directions`; arguments as in `segment_blocks`."""
+
+    def derivatives(output: Array) -> Array:
+        residual, _, weight = weights(*_residuals(output[rows.sample_indices]), limit)
+        of_rows = np.zeros((len(output), residual.shape[1]))
+        of_rows[rows.sample_indices] = weight * residual
+        return of_rows
+
+    carry, carry_dot = start
+    gradient = scan(carry, rows[:], constant, derivatives)
+    return np.asarray(np.hstack([carry_dot, directions]) @ gradient)
+
+
+def _residuals(values: Array) -> tuple[Array, Array]:
+    """Errors (N, m), NaN where missing, and variances (N, m) of outputs [residual, variance, used]."""
+    error, variance, used = np.split(values, 3, axis=1)
+    return np.where(used > 0, error, np.nan), variance
 
 
 def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:

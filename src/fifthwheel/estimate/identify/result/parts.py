@@ -101,6 +101,7 @@ class LogSummary(ComparedByContents):
     name: str
     span: tuple[Real, Real]  # s
     samples: int
+    averaged: int  # number of samples of each mean that is used; 1 if each sample is used
     used: Real  # s of data above the minimum speed
     speed: tuple[Number, Number]  # m/s, lowest and highest in the used segments
     rejected: dict[str, Number]  # fraction of the samples of each channel that the gate rejected

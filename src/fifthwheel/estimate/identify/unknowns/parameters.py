@@ -12,7 +12,7 @@ from fifthwheel.estimate.identify.statement import Stated, prior_of, refused, st
 from fifthwheel.estimate.identify.unknowns.unknown import (
     GUESS_TAIL,
     Unknown,
-    fraction_unknown,
+    limited_unknown,
     linear_unknown,
     logarithmic_unknown,
 )
@@ -123,7 +123,7 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         *_parameters(vehicle, estimated, settings),
         *_uncertain_numbers(vehicle, estimated, settings),
     ]
-    unknowns += _self_steering_unknowns(vehicle, [u.name for u in unknowns], settings)
+    unknowns += _optional_unknowns(vehicle, [u.name for u in unknowns], settings)
     unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     ranges = vehicle.parameter_ranges()
     return [
@@ -239,31 +239,33 @@ def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: On
     return {name: slope for name, slope in slopes.items() if slope}
 
 
-def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: OneStage) -> list[Unknown]:
-    """The self-steering of axles that are not `done`: of castor axles, and of fixed ones that may be castor axles."""
-    sigmas, values = {}, vehicle.parameters()
-    for name in fixed_last_axles(vehicle):
+def _optional_unknowns(vehicle: Vehicle, done: Collection[str], settings: OneStage) -> list[Unknown]:
+    """What the file leaves out and a truck may have (`left_out`), and the self-steering of castor axles, that are not
+    `done`."""
+    sigmas, values, ranges = {}, vehicle.parameters(), vehicle.parameter_ranges()
+    for name in left_out(vehicle):
         default = 0.0 if vehicle.is_exact else quantity_of(name).sigma
         sigmas[name] = vehicle.stated.get(name, known_of(name, 0.0, settings).or_sigma(default))
     for change in changes(vehicle):
         sigmas |= {name: slope for name, slope in change.slopes.items() if ends_with(name, "self_steering")}
     return [
-        fraction_unknown(name, values.get(name, 0.0), sigma)
+        limited_unknown(name, values.get(name, 0.0), sigma, ranges[name][1])
         for name, sigma in sigmas.items()
         if sigma and name not in done
     ]
 
 
-def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
-    """Paths of the self-steering of axles that are fixed, as far as the vehicle file knows: the last axle of each unit
-    behind the first, in a group of two or more. `locked`: as if steerable axles were not logged."""
+def left_out(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
+    """Paths of numbers that are 0 as far as the vehicle file knows, and may not be: the self-steering of the last axle
+    of each unit behind the first, in a group of two or more, and the yaw damping of the joints of buses and caravans.
+    `locked`: as if steerable axles were not logged."""
     paths, own = [], vehicle.steering.trace.wheels if vehicle.steering else ()
     for unit in vehicle.units[1:]:
         *others, last = unit.axle_groups[-1].on_road
         steers = (last.steerable and not locked) or f"steer.{unit.name}.{last.name}" in own
         if others and not (steers or last.self_steering or last.command_steering):
             paths.append(f"{unit.name}.{last.name}.self_steering")
-    return paths
+    return paths + [f"{c.name}.yaw_damping" for c in vehicle.couplings_with_damper() if not c.yaw_damping]
 
 
 def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
@@ -281,7 +283,7 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
             unknowns.append(linear_unknown(variation, 0.0, sigma, moves=moves))
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
-        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
+        unknowns.append(limited_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
     if rate := prior_of(settings.given, TIME_BASE)[1]:
         moves = {dynamics.TIME_SCALE: 1.0}
         unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, moves=moves))

@@ -153,9 +153,9 @@ def linear_unknown(
     )
 
 
-def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
-    """An uncertain fraction, 0 to 1."""
-    return replace(linear_unknown(name, mean, sigma), lower=0.0, upper=1.0).within(0.0, 1.0)
+def limited_unknown(name: str, mean: float, sigma: float, largest: float = 1.0) -> Unknown:
+    """An uncertain number from 0 to the largest one, such as a fraction."""
+    return replace(linear_unknown(name, mean, sigma), lower=0.0, upper=largest).within(0.0, largest)
 
 
 class GrossError(NamedTuple):
