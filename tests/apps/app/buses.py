@@ -1,4 +1,4 @@
-"""A record as the J1939 frames of a truck: a candump trace, and an MF4 file with bus logging."""
+"""A record as the J1939 frames of a truck in an MF4 file with bus logging."""
 
 import warnings
 
@@ -29,16 +29,6 @@ def j1939_frames(record):
     for k, time in enumerate(record.time.tolist()):
         for number, payload in messages:
             yield time, number, payload[k]
-
-
-def write_candump(record, path, start=1_700_000_000.0):
-    """The frames as candump -l writes them, with the time of day."""
-    lines = [
-        f"({start + time:.6f}) can0 {number:08X}#{data.tobytes().hex().upper()}\n"
-        for time, number, data in j1939_frames(record)
-    ]
-    path.write_text("".join(lines))
-    return path
 
 
 def write_can_mf4(record, path):

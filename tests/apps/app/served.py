@@ -48,19 +48,34 @@ def chromium():
 
 
 @contextmanager
-def tab(browser, address, width=1400, height=1000, faults=True):
-    """A tab; at the end, nothing was asked of another host, and with `faults` no script has failed."""
-    context = browser.new_context(viewport={"width": width, "height": height})
-    page = context.new_page()
-    page.set_default_timeout(20_000)
+def watched(page, faults=True):
+    """At the end, nothing was asked of another host, and with `faults` no script has failed."""
     found, hosts = [], set()
-    page.on("pageerror", lambda error: found.append(str(error)))
-    page.on("console", lambda message: found.append(message.text) if message.type == "error" else None)
-    page.on("request", lambda request: hosts.add(urlsplit(request.url).hostname))
-    page.on("websocket", lambda socket: hosts.add(urlsplit(socket.url).hostname))
-    page.goto(address)
-    yield page
-    context.close()
+    listeners = {
+        "pageerror": lambda error: found.append(str(error)),
+        "console": lambda message: found.append(message.text) if message.type == "error" else None,
+        "request": lambda request: hosts.add(urlsplit(request.url).hostname),
+        "websocket": lambda socket: hosts.add(urlsplit(socket.url).hostname),
+    }
+    for event, listener in listeners.items():
+        page.on(event, listener)
+    try:
+        yield page
+    finally:
+        for event, listener in listeners.items():
+            page.remove_listener(event, listener)
     assert hosts <= {"127.0.0.1", None}
     serious = [fault for fault in found if not any(text in fault for text in HARMLESS)]
     assert not (faults and serious), serious
+
+
+@contextmanager
+def tab(browser, address, width=1400, height=1000, faults=True):
+    """A tab of a session of its own, which is `watched`."""
+    context = browser.new_context(viewport={"width": width, "height": height}, base_url=address)
+    page = context.new_page()
+    page.set_default_timeout(20_000)
+    with watched(page, faults):
+        page.goto(address)
+        yield page
+        context.close()

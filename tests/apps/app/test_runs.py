@@ -1,7 +1,6 @@
 """What the pages compute of a workspace, and what they say of it."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -33,6 +32,8 @@ from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.truck import get
 from tests.results.report.conftest import NASTY
+
+pytestmark = pytest.mark.slow
 
 TRUCK = get("cheng_cebon_2011")
 FRONT = "tractor.front.cornering_stiffness"
@@ -149,14 +150,12 @@ def test_what_speaks_against_a_map(workspace):
     def against(record, signal_map=signal_map):
         return objections(signal_evidence(record, TRUCK), signal_map, TRUCK)
 
-    assert against(record) == []
-    (text,) = against(record.with_signals({trailer: record.signals[trailer] / 18}))
-    assert text.startswith(f"{trailer}: The prediction is 18 times too large: correct unit or gain")
+    assert against(record) == ([], [])
+    assert against(record.with_signals({trailer: record.signals[trailer] / 18})) == ([], [trailer])
     late = np.interp(record.time - 0.16, record.time, record.signals[trailer])
-    (text,) = against(record.with_signals({trailer: late}))
-    assert re.search(r"; 0\.1\d ± 0\.0\d s late\.$", text), text
-    texts = against(record, SignalMap(signals={"yaw_rate.tractor": "r"}))
-    assert [text.partition(":")[0] for text in texts] == [
+    assert against(record.with_signals({trailer: late})) == ([], [trailer])
+    missing, _ = against(record, SignalMap(signals={"yaw_rate.tractor": "r"}))
+    assert [text.partition(":")[0] for text in missing] == [
         "speed", "steer.tractor.front", "yaw_rate.semitrailer or articulation.semitrailer", "roll_rate.semitrailer",
     ]  # fmt: skip
 
@@ -305,7 +304,6 @@ def test_texts_are_escaped():
     assert "tractor.<wbr/>front.<wbr/>cornering_<wbr/>stiffness 1.5 m" in html
 
 
-@pytest.mark.slow
 def test_a_run_is_that_of_the_command_line(workspace):
     """The same numbers as `fifthwheel identify` in the folder, from the command that the report shows."""
     choices = Choices(identify={"statements": [f"{FRONT}=exact"]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import urllib.error
 import urllib.request
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlencode, urljoin
 
 import pytest
 
@@ -18,8 +20,8 @@ from fifthwheel.data.logs import write_record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
-from tests.apps.app.buses import write_can_mf4, write_candump
-from tests.apps.app.served import chromium, served, tab
+from tests.apps.app.buses import write_can_mf4
+from tests.apps.app.served import served, tab
 from tests.results.report.conftest import result
 
 __all__ = ["result"]
@@ -33,18 +35,32 @@ LONG = 180_000
 """ms for a computation."""
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as started:
-        yield started
-
-
-def prepared(folder, count=2, truck=TRUCK):
+def prepared(folder, count=2):
     """A workspace with a log and a vehicle."""
     workspace = Workspace(folder)
-    write_record(simulate(truck, count=count, seed=1), workspace.folder / "logs" / "run.csv")
-    workspace.write({"vehicle.toml": truck.to_toml()}, "a truck")
+    write_record(simulate(TRUCK, count=count, seed=1), workspace.folder / "logs" / "run.csv")
+    workspace.write({"vehicle.toml": TRUCK.to_toml()}, "a truck")
     return workspace
+
+
+@pytest.fixture(scope="module")
+def started(browser, tmp_path_factory):
+    """A prepared workspace, and a tab of it: all that many tests need."""
+    workspace = prepared(tmp_path_factory.mktemp("prepared") / "w")
+    with served(workspace.folder) as address, tab(browser, address) as page:
+        yield workspace.folder, page
+
+
+@pytest.fixture
+def folder(emptied):
+    """The prepared workspace, without the files of other tests."""
+    shutil.rmtree(emptied / "runs")
+    (emptied / "runs").mkdir()
+    for file in (emptied / "logs").iterdir():
+        if file.name != "run.csv":
+            file.unlink()
+    (emptied / "vehicle.toml").write_text(TRUCK.to_toml())
+    return emptied
 
 
 def go(page, name):
@@ -52,7 +68,7 @@ def go(page, name):
     page.get_by_role("heading", name=name, level=1).wait_for()
 
 
-def report(page, headline=True):
+def report(page):
     """The report in its frame, when it is shown; the frame has its whole height."""
     frame = page.frame_locator("iframe.fw-report")
     frame.locator("#verdict .headline").wait_for(timeout=LONG)
@@ -84,6 +100,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
         assert "All 6 parameters are identified" in report(page).locator(".headline").inner_text()
         page.get_by_role("button", name="Use the identified truck").click()
         page.get_by_text("vehicle.toml is the identified truck of run-1 now.").wait_for()
+        page.get_by_text("Logs, what is known, and settings").click()
         page.get_by_text("Settings", exact=True).click()
         page.get_by_label("Number", exact=True).fill("Front tyres, corn")
         page.get_by_role("option", name=f"Front tyres, cornering stiffness ({FRONT})").click()
@@ -119,135 +136,109 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
     assert (fixed.verdict, fixed.value) == ("fixed", found[FRONT].value)
 
 
-def german(folder):
-    return EXAMPLES / "messy.csv", EXAMPLES / "truck.toml"
+def test_from_a_log_of_a_bus_to_a_report_on_a_telephone(page, folder, tmp_path):
+    file = write_can_mf4(simulate(TRUCK, count=2, seed=1), tmp_path / "bus.mf4")
+    (folder / "vehicle.toml").write_text(TRUCK.to_toml())
+    (folder / "workspace.toml").write_text('[identify]\ntyres = "linear"\n[logs."run.csv"]\nuse = false\n')
+    page.set_viewport_size({"width": 390, "height": 1000})
+    page.goto("/")
+    page.set_input_files("input[type=file]", str(file))
+    page.get_by_label(f"Use {file.name}").wait_for(timeout=LONG)
+    page.get_by_text(re.compile(r"\d+ channels")).nth(1).wait_for()
+    go(page, "Signals")
+    page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
+    go(page, "Identify")
+    page.get_by_role("button", name="Identify", exact=True).click()
+    headline = report(page).locator(".headline").inner_text()
+    assert "parameters are identified" in headline or "parameters converged" in headline, headline
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
-def mf4_with_can(folder):
-    return write_can_mf4(simulate(TRUCK, count=2, seed=1), folder / "bus.mf4"), None
-
-
-def j1939(folder):
-    return write_candump(simulate(TRUCK, count=2, seed=1), folder / "bus.log"), None
-
-
-@pytest.mark.parametrize("log", [german, mf4_with_can, j1939])
-def test_from_a_log_of_each_kind_to_a_report(browser, tmp_path, log):
-    file, vehicle = log(tmp_path)
-    folder = Workspace(tmp_path / "w").folder
-    (folder / "vehicle.toml").write_text(vehicle.read_text() if vehicle else TRUCK.to_toml())
-    with served(folder) as address, tab(browser, address, width=390) as page:
-        page.set_input_files("input[type=file]", str(file))
-        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
-        go(page, "Signals")
-        page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
-        go(page, "Identify")
-        page.get_by_role("button", name="Identify", exact=True).click()
-        headline = report(page).locator(".headline").inner_text()
-        assert "parameters are identified" in headline or "parameters converged" in headline, headline
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-
-
-def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
+def test_the_questions_describe_a_truck_and_are_kept(page, folder):
     """Also by keyboard only: an answer counts when its field is left."""
-    folder = tmp_path / "w"
-    with served(folder) as address, tab(browser, f"{address}truck", width=390) as page:
-        for label, text in (
-            ("Front axle to the first axle behind it", "3.7 kg"),
-            ("Kingpin to the middle of the trailer's axles", "7.7 m +- 2 cm"),
-            ("Slip of the laden truck", "6850 10500 22500"),
-            ("Slip of the tractor alone", "5200 2000"),
-        ):
-            field = page.get_by_label(label)
-            field.fill(text)
-            field.press("Tab")
-        page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
-        first = page.get_by_role("region", name="Questions").get_by_role("alert").first
-        first.filter(has_text="Correct or remove the answer to: Front axle").wait_for()  # after that of the field
-        field = page.get_by_label("Front axle to the first axle behind it")
-        field.fill("3,7 m")
+    (folder / "vehicle.toml").unlink()
+    page.set_viewport_size({"width": 390, "height": 1000})
+    page.goto("/truck")
+    for label, text in (
+        ("Front axle to the first axle behind it", "3.7 kg"),
+        ("Kingpin to the middle of the trailer's axles", "7.7 m +- 2 cm"),
+        ("Slip of the laden truck", "6850 10500 22500"),
+        ("Slip of the tractor alone", "5200 2000"),
+    ):
+        field = page.get_by_label(label)
+        field.fill(text)
         field.press("Tab")
-        for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
-            page.get_by_label(label).click()
-            page.get_by_role("option", name=name, exact=True).click()
-        page.get_by_role("region", name="Described truck").locator(".modebar").wait_for(state="attached")
-        field = page.get_by_label("Mass of the load")
-        for text, usable in (("15.5 t?", False), ("", True)):
-            field.fill(text)
-            field.press("Tab")
-            refusal = page.get_by_text("Correct or remove the answer to: Mass of the load")
-            refusal.wait_for(state="detached" if usable else "visible")
-            page.get_by_role("button", name="Use this truck", disabled=not usable).wait_for()
-        page.reload()
-        assert page.get_by_label("Slip of the tractor alone").input_value() == "5200 2000"
-        page.get_by_role("button", name="Use this truck").click()
-        page.get_by_role("table", name="Assumed numbers").wait_for(timeout=LONG)
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-        assert Vehicle.load(folder / "vehicle.toml").wheelbase == pytest.approx(3.7)
-        page.get_by_role("button", name="Undo: describe the truck").wait_for()
-        page.locator("input[type=file]").set_input_files(str(EXAMPLES / "truck.toml"))
-        page.get_by_text("The answers to the questions are cleared").wait_for()
-        page.get_by_text("Still needed: ").wait_for()
-        assert page.get_by_role("region", name="Described truck").get_by_role("img").count() == 0
+    page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
+    first = page.get_by_role("region", name="Questions").get_by_role("alert").first
+    first.filter(has_text="Correct or remove the answer to: Front axle").wait_for()  # after that of the field
+    field = page.get_by_label("Front axle to the first axle behind it")
+    field.fill("3,7 m")
+    field.press("Tab")
+    for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
+        page.get_by_label(label).click()
+        page.get_by_role("option", name=name, exact=True).click()
+    page.get_by_role("region", name="Described truck").locator(".modebar").wait_for(state="attached")
+    field = page.get_by_label("Mass of the load")
+    for text, usable in (("15.5 t?", False), ("", True)):
+        field.fill(text)
+        field.press("Tab")
+        refusal = page.get_by_text("Correct or remove the answer to: Mass of the load")
+        refusal.wait_for(state="detached" if usable else "visible")
+        page.get_by_role("button", name="Use this truck", disabled=not usable).wait_for()
+    page.reload()
+    assert page.get_by_label("Slip of the tractor alone").input_value() == "5200 2000"
+    page.get_by_role("button", name="Use this truck").click()
+    page.get_by_text("assumed numbers").click()
+    page.get_by_role("table", name="Assumed numbers").wait_for(timeout=LONG)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert Vehicle.load(folder / "vehicle.toml").wheelbase == pytest.approx(3.7)
+    page.get_by_role("button", name="Undo: describe the truck").wait_for()
+    page.locator("input[type=file]").set_input_files(str(EXAMPLES / "truck.toml"))
+    page.get_by_text("The answers to the questions are cleared").wait_for()
+    page.get_by_text("Describe a tractor and its semitrailer").click()
+    page.get_by_text("Still needed: ").wait_for()
+    assert page.get_by_role("region", name="Described truck").get_by_role("img").count() == 0
 
 
-def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
-    prepared(tmp_path / "w", count=40)
-    with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
-        page.get_by_label("Name of the result").fill("long")
-        page.get_by_role("button", name="Identify", exact=True).click()
-        page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
-        page.reload()
-        page.get_by_role("progressbar").wait_for()
-        page.get_by_role("button", name="Cancel").click()
-        page.get_by_text("Cancelled; no result was changed.").wait_for()
-        assert page.get_by_label("Name of the result").input_value() == "long"
-        page.get_by_role("button", name="Identify", exact=True).wait_for()
-        assert page.get_by_text("interrupted before its end").count() == 0
-    assert not (tmp_path / "w" / "runs" / "long").exists()
-
-
-def test_a_result_is_replaced_only_after_a_question(browser, tmp_path, result):
-    folder = prepared(tmp_path / "w").folder
+def test_a_result_is_replaced_only_after_a_question(page, folder, result):
     result.identification.save(folder / "runs" / "mine")
     (folder / "runs" / "mine" / "report.html").write_text("<h1 id=verdict>report</h1>")
     before = (folder / "runs" / "mine" / "identification.json").read_bytes()
-    with served(folder) as address, tab(browser, f"{address}identify") as page:
-        for answer in ("Keep", "Replace"):
-            page.get_by_label("Name of the result").fill("mine")
-            page.get_by_role("button", name="Identify", exact=True).click()
-            page.get_by_text("There is a result mine already. Replace it?").wait_for()
-            page.get_by_role("button", name=answer, exact=True).click()
-            if answer == "Keep":
-                page.wait_for_timeout(1000)
-                assert page.get_by_role("progressbar").count() == 0
-        refusal = page.get_by_text("not written by an earlier").first
-        refusal.wait_for(timeout=LONG)
-        assert "another folder with “Name of the result”, or replace it with “Delete”" in refusal.inner_text()
+    page.goto("/identify")
+    for answer in ("Keep", "Replace"):
+        page.get_by_label("Name of the result").fill("mine")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text("There is a result mine already. Replace it?").wait_for()
+        page.get_by_role("button", name=answer, exact=True).click()
+        if answer == "Keep":
+            page.wait_for_timeout(1000)
+            assert page.get_by_role("progressbar").count() == 0
+    refusal = page.get_by_text("not written by an earlier").first
+    refusal.wait_for(timeout=LONG)
+    assert "another folder with “Name of the result”, or replace it with “Delete”" in refusal.inner_text()
     assert (folder / "runs" / "mine" / "identification.json").read_bytes() == before
 
 
-def test_a_result_is_renamed_and_deleted_and_its_note_is_shown(browser, tmp_path, result):
-    folder = prepared(tmp_path / "w").folder
+def test_a_result_is_renamed_and_deleted_and_its_note_is_shown(page, folder, result):
     result.identification.save(folder / "runs" / "mine")
     file = folder / "runs" / "mine" / "identification.json"
     note = {"text": "new tyres", "author": "A", "date": "2026-11-26"}
     file.write_text(json.dumps(json.loads(file.read_text()) | {"note": note}))
     head = "<title>truck, mine: fifthwheel</title><h1>truck<span class="
     (folder / "runs" / "mine" / "report.html").write_text(f'{head}"result">, mine</span></h1>--tyres linear')
-    with served(folder) as address, tab(browser, f"{address}identify") as page:
-        page.get_by_text("mine: new tyres (A, 2026-11-26)").first.wait_for()
-        page.get_by_role("button", name="Rename mine").click()
-        page.get_by_label("New name of mine").fill("bend")
-        page.get_by_role("button", name="Rename", exact=True).click()
-        page.get_by_text("bend: new tyres (A, 2026-11-26)").first.wait_for()
-        report = page.frame_locator(".fw-report")
-        report.get_by_role("heading", name="truck, bend").wait_for()
-        report.get_by_text("--tyres linear").wait_for()  # a report stays as it was written
-        page.get_by_role("button", name="Delete bend").click()
-        page.get_by_text("Delete the result bend with all its files?").wait_for()
-        page.get_by_role("button", name="Delete", exact=True).click()
-        page.get_by_role("button", name="Rename bend").wait_for(state="detached")
+    page.goto("/identify")
+    page.get_by_text("mine: new tyres (A, 2026-11-26)").first.wait_for()
+    page.get_by_role("button", name="Rename mine").click()
+    page.get_by_label("New name of mine").fill("bend")
+    page.get_by_role("button", name="Rename", exact=True).click()
+    page.get_by_text("bend: new tyres (A, 2026-11-26)").first.wait_for()
+    report = page.frame_locator(".fw-report")
+    report.get_by_role("heading", name="truck, bend").wait_for()
+    report.get_by_text("--tyres linear").wait_for()  # a report stays as it was written
+    page.get_by_role("button", name="Delete bend").click()
+    page.get_by_text("Delete the result bend with all its files?").wait_for()
+    page.get_by_role("button", name="Delete", exact=True).click()
+    page.get_by_role("button", name="Rename bend").wait_for(state="detached")
     assert not list((folder / "runs").iterdir())
 
 
@@ -264,16 +255,30 @@ def killed_server(folder):
         process.stdout.close()
 
 
-def test_a_killed_server_loses_nothing(browser, tmp_path):
+def test_a_reload_keeps_an_identification_cancel_ends_it_and_a_killed_server_loses_nothing(browser, tmp_path):
     prepared(tmp_path / "w", count=40)
+    started = re.compile("fit|residual", re.IGNORECASE)
     with killed_server(tmp_path / "w") as (address, kill):
         context = browser.new_context()
         page = context.new_page()
         page.goto(f"{address}identify")
+        page.get_by_label("Name of the result").fill("long")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text(started).first.wait_for(timeout=LONG)
+        page.reload()
+        page.get_by_role("progressbar").wait_for()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_text("Cancelled; no result was changed.").wait_for()
+        assert page.get_by_label("Name of the result").input_value() == "long"
+        page.get_by_role("button", name="Identify", exact=True).wait_for()
+        assert page.get_by_text("interrupted before its end").count() == 0
+        assert not (tmp_path / "w" / "runs" / "long").exists()
+
         page.get_by_text("Settings", exact=True).click()
         page.get_by_label("Load of any shape").click()
+        page.get_by_text("Load of any shape: yes.").wait_for()
         page.get_by_role("button", name="Identify", exact=True).click()
-        page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
+        page.get_by_text(started).first.wait_for(timeout=LONG)
         kill()
         context.close()
     write_record(simulate(TRUCK, count=2, seed=1), tmp_path / "w" / "logs" / "run.csv")
@@ -285,83 +290,107 @@ def test_a_killed_server_loses_nothing(browser, tmp_path):
     assert (tmp_path / "w" / "runs" / "run-1" / "run.json").exists()
 
 
-def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
-    workspace = prepared(tmp_path / "w")
-    with (
-        served(workspace.folder) as address,
-        tab(browser, f"{address}identify") as one,
-        tab(browser, f"{address}identify") as two,
-    ):
-        one.get_by_text("Settings", exact=True).click()
-        one.get_by_label("Load of any shape").click()
-        two.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
-        two.get_by_text("Settings", exact=True).click()
-        assert two.get_by_label("Load of any shape").is_checked()
-        passes = two.get_by_role("textbox", name=re.compile("^Passes"))
+def test_two_tabs_do_not_overwrite_each_other(browser, page, folder):
+    page.goto("/identify")
+    with tab(browser, page.url) as other:
+        page.get_by_text("Settings", exact=True).click()
+        page.get_by_label("Load of any shape").click()
+        other.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
+        other.get_by_text("Settings", exact=True).click()
+        assert other.get_by_label("Load of any shape").is_checked()
+        passes = other.get_by_role("textbox", name=re.compile("^Passes"))
         passes.fill("2.5")
-        two.get_by_text("Passes: expected a whole number").wait_for()
-        two.wait_for_timeout(500)
+        other.get_by_text("Passes: expected a whole number").wait_for()
+        other.wait_for_timeout(500)
         assert passes.input_value() == ""
-        two.get_by_label("Refuse implausible signals").click()
-        one.wait_for_timeout(2500)
-        assert not one.get_by_label("Refuse implausible signals").is_checked()
-    assert Workspace(workspace.folder).choices().identify == {"any_load": True, "check": False}
+        other.get_by_label("Refuse implausible signals").click()
+        page.wait_for_timeout(2500)
+        assert not page.get_by_label("Refuse implausible signals").is_checked()
+    assert Workspace(folder).choices().identify == {"any_load": True, "check": False}
 
 
-def test_a_slider_by_keys_changes_the_prediction(browser, tmp_path):
-    workspace = prepared(tmp_path / "w")
+def test_a_slider_by_keys_changes_the_prediction(page, folder):
     name, path = "Trailer tyres, cornering stiffness", "semitrailer.cornering_stiffness"
-    with served(workspace.folder) as address, tab(browser, f"{address}explore") as page:
-        table = page.get_by_role("table", name="Fit of each signal")
-        table.wait_for(timeout=LONG)
-        before = table.inner_text()
-        slider = page.get_by_role("slider", name=name, exact=True)
-        slider.focus()
-        for _ in range(10):
-            page.keyboard.press("ArrowRight")
-        page.get_by_text(re.compile(f"^{name}$")).wait_for()
-        page.wait_for_timeout(1500)
-        assert table.inner_text() != before
-        page.reload()
-        slider.wait_for()
-        assert slider.input_value() == "10"
-        page.get_by_role("button", name="Write to vehicle.toml").click()
-        page.get_by_text("1 number written to vehicle.toml").wait_for()
-        assert slider.input_value() == "0"
-    changed = Vehicle.load(workspace.folder / "vehicle.toml").parameters()[path]
+    page.goto("/explore")
+    table = page.get_by_role("table", name="Fit of each signal")
+    table.wait_for(timeout=LONG)
+    before = table.inner_text()
+    slider = page.get_by_role("slider", name=name, exact=True)
+    slider.focus()
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    page.get_by_text(re.compile(f"^{name}$")).wait_for()
+    page.wait_for_timeout(1500)
+    assert table.inner_text() != before
+    page.reload()
+    slider.wait_for()
+    assert slider.input_value() == "10"
+    page.get_by_role("button", name="Write to vehicle.toml").click()
+    page.get_by_text("1 number written to vehicle.toml").wait_for()
+    assert slider.input_value() == "0"
+    changed = Vehicle.load(folder / "vehicle.toml").parameters()[path]
     assert changed == pytest.approx(TRUCK.parameters()[path] * 2**0.25, rel=1e-3)
 
 
-def test_the_verdict_of_the_check_fits_a_narrow_screen(browser, tmp_path):
-    prepared(tmp_path / "w")
-    with served(tmp_path / "w") as address, tab(browser, f"{address}check", width=390) as page:
-        table = page.get_by_role("table", name="Predicted sigma")
-        table.wait_for(timeout=LONG)
-        assert table.evaluate("table => table.scrollWidth <= table.parentElement.clientWidth")
+def test_the_verdict_of_the_check_fits_a_narrow_screen(page):
+    page.set_viewport_size({"width": 390, "height": 1000})
+    page.goto("/check")
+    table = page.get_by_role("table", name="Predicted sigma")
+    table.wait_for(timeout=LONG)
+    assert table.evaluate("table => table.scrollWidth <= table.parentElement.clientWidth")
 
 
-def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, result):
+def test_the_plotted_signals_of_explore_and_compare_are_found_by_name(page, folder, result):
+    for name in ("a", "b"):
+        result.identification.save(folder / "runs" / name)
+    for name, what in (("explore", "signals"), ("compare", "run.csv")):
+        page.goto(f"/{name}")
+        plot = page.get_by_role("img", name=re.compile(f"Measured and predicted,? {what}"))
+        plot.get_by_text("Tractor, yaw rate").first.wait_for(timeout=60_000)
+        page.get_by_label("Find a signal").fill("trailer")
+        plot.get_by_text("Tractor, yaw rate").first.wait_for(state="detached")
+        plot.get_by_text("Trailer, yaw rate").first.wait_for()
+        page.get_by_label("Find a signal").fill("none")
+        page.get_by_text("No signal has this name.").wait_for()
+
+
+def test_names_are_no_markup_and_no_file_outside_is_given(page, folder, tmp_path, result):
     evil = "<img src=x onerror=document.title='owned'>"
-    workspace = prepared(tmp_path / "w", truck=TRUCK.model_copy(update={"name": evil}))
+    (folder / "vehicle.toml").write_text(TRUCK.model_copy(update={"name": evil}).to_toml())
     for name in ("a", f"b {evil}".replace("/", "")):
-        result.identification.save(workspace.folder / "runs" / name)
-        (workspace.folder / "runs" / name / "report.html").write_text("<h1 id=verdict>report</h1>")
+        result.identification.save(folder / "runs" / name)
+        (folder / "runs" / name / "report.html").write_text("<h1 id=verdict>report</h1>")
     (tmp_path / "secret").write_text("secret")
-    (workspace.folder / "runs" / "a" / "states.parquet").symlink_to(tmp_path / "secret")
-    with served(workspace.folder) as address, tab(browser, address) as page:
-        for path in ("truck", "check", "identify", "explore", "compare", "history"):
-            page.goto(f"{address}{path}", wait_until="networkidle")
-            page.wait_for_timeout(1500)
-            assert page.title().endswith("- fifthwheel")
-            assert page.locator("img[src=x]").count() == 0
-        cookies = "; ".join(f"{c['name']}={c['value']}" for c in page.context.cookies())
-        for outside in (
-            "..%2F..%2Fsecret/x",
-            "a/..%2F..%2Fvehicle.toml",
-            "a/states.parquet",
-            "a/run.json",
-            "c/vehicle.toml",
-        ):
-            request = urllib.request.Request(f"{address}runs/{outside}", headers={"Cookie": cookies})
-            with pytest.raises(urllib.error.HTTPError, match="404"):
-                urllib.request.urlopen(request, timeout=10)
+    (folder / "runs" / "a" / "states.parquet").symlink_to(tmp_path / "secret")
+    log = tmp_path / f"{evil}.csv"
+    rows = (f"{k / 10},{k % 7},{k % 3}" for k in range(200))
+    log.write_text("\n".join([f"time [s],{evil} [{evil}],<script>document.title='owned'</script>", *rows]))
+
+    def harmless():
+        page.wait_for_timeout(500)
+        assert page.title().endswith("- fifthwheel")
+        assert page.locator("img[src=x]").count() == 0
+        assert page.locator("#main script").count() == 0
+
+    for name in ("truck", "check", "identify", "explore", "compare", "history"):
+        page.goto(f"/{name}", wait_until="networkidle")
+        harmless()
+    page.goto("/")
+    page.set_input_files("input[type=file]", str(log))
+    page.get_by_text(evil).first.wait_for()
+    page.get_by_text(re.compile(r"\d+ channels")).nth(1).wait_for()
+    harmless()
+    page.goto(f"/signals?{urlencode({'log': log.name})}")
+    page.get_by_text(evil).first.wait_for()
+    harmless()
+    cookies = "; ".join(f"{c['name']}={c['value']}" for c in page.context.cookies())
+    for outside in (
+        "..%2F..%2Fsecret/x",
+        "a/..%2F..%2Fvehicle.toml",
+        "a/states.parquet",
+        "a/run.json",
+        "c/vehicle.toml",
+    ):
+        request = urllib.request.Request(urljoin(page.url, f"/runs/{outside}"), headers={"Cookie": cookies})
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(request, timeout=10)

@@ -379,6 +379,7 @@ def free_article(article: Article) -> tuple[dynamics.ChainModel, Array, Scaling]
     return model, model.known_values(values), scaling
 
 
+@pytest.mark.slow
 def test_sensitivities_of_the_article(article: Article) -> None:
     """Against differences of the filter with fixed gains: stiffnesses, payload height and offsets, 150 samples."""
     model, c, scaling = free_article(article)
@@ -433,6 +434,7 @@ STARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COUPLINGS)
 def test_any_start_and_any_noise(article: Article, name: str) -> None:
     """Parameters are within their bounds, stiffnesses positive, covariances symmetric and positive, all finite."""
@@ -440,7 +442,7 @@ def test_any_start_and_any_noise(article: Article, name: str) -> None:
 
     corner = {"height": 0.0, "R": 1e-7, "P0": 1.0, "Q": 0.0, "prior": 1.0, "size": 1e4, "gate": np.inf}
 
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=30, deadline=None)
     @instance(relative=(0.8, 0.8), seed=2, **corner)
     @instance(relative=(1.0, 0.6), seed=33679, **corner)
     @given(**STARTS)

@@ -43,6 +43,7 @@ def within(result: Identification, truck: Vehicle, stiffness: float = 0.02, heig
             assert abs(error) < height, name
 
 
+@pytest.mark.slow
 def test_five_lane_changes_from_80_and_120_percent(truck: Vehicle, guess: Vehicle) -> None:
     result = identify([simulate(truck, count=5, seed=0)], guess)
     within(result, truck)
@@ -52,9 +53,9 @@ def test_five_lane_changes_from_80_and_120_percent(truck: Vehicle, guess: Vehicl
 
 
 @pytest.mark.slow
-def test_errors_of_twelve_seeds_match_their_sigma(truck: Vehicle) -> None:
+def test_errors_of_six_seeds_match_their_sigma(truck: Vehicle) -> None:
     ratios: dict[str, list[float]] = {}
-    for seed in range(12):
+    for seed in range(6):
         factors = tuple(np.random.default_rng([seed, 7]).choice([0.8, 1.2], 4))
         result = identify([simulate(truck, count=5, seed=seed)], guesses(truck, factors))
         within(result, truck)
@@ -64,17 +65,20 @@ def test_errors_of_twelve_seeds_match_their_sigma(truck: Vehicle) -> None:
             truth = (truck.parameters() | truck.derived())[name]
             ratios.setdefault(name, []).append(error * truth / sigma)
     for name, ratio in ratios.items():
-        # the priors of gain and offset are centred on the true values here, so errors may be smaller than sigma
-        assert 0.4 < np.sqrt(np.mean(np.square(ratio))) < 1.5, name
+        # an rms of six draws has a standard deviation of 29 %: 2.5 of them above; the priors of gain and offset are
+        # centred on the true values here, so errors may be smaller than sigma
+        assert 0.28 < np.sqrt(np.mean(np.square(ratio))) < 1.72, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factors", [(0.6, 1.4, 0.6, 1.4), (1.4, 1.4, 1.4, 1.4)])
 def test_wider_starts_do_not_diverge(truck: Vehicle, factors: tuple[float, ...]) -> None:
-    within(identify([simulate(truck, count=5, seed=11)], guesses(truck, factors)), truck, 0.03, 0.05)
+    within(identify([simulate(truck, count=3, seed=11)], guesses(truck, factors)), truck, 0.03, 0.05)
 
 
+@pytest.mark.slow
 def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([without(simulate(truck, count=10, seed=4), "roll_rate")], guess)
+    result = identify([without(simulate(truck, count=5, seed=4), "roll_rate")], guess)
     assert any("Stage 2 skipped" in note and "roll_rate.semitrailer" in note for note in result.notes)
     assert result[HEIGHT].verdict is Verdict.NOT_EXCITED
     assert list(result.histories) == ["stage 1"]
@@ -86,6 +90,7 @@ def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck
     assert biased > 0.01  # the bias of the yaw model on a truck that rolls
 
 
+@pytest.mark.slow
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
     result = identify([simulate(truck, manoeuvre="straight", duration=10.0, seed=1)], guess)
     for e in result.parameters:
@@ -101,6 +106,7 @@ def test_an_uncertain_number_that_no_stage_has_is_named(truck: Vehicle) -> None:
         identify([simulate(truck, count=1)], truck, TwoStage(given={"tractor.mass": "+- 2 %"}))
 
 
+@pytest.mark.slow
 def test_at_bound(truck: Vehicle) -> None:
     stiff = {
         "semitrailer.roll_stiffness": 2.5,
@@ -109,15 +115,16 @@ def test_at_bound(truck: Vehicle) -> None:
     }
     values = truck.parameters()
     other = truck.replace({name: values[name] * factor for name, factor in stiff.items()})
-    result = identify([simulate(other, count=3, seed=6)], truck)  # it rolls less than with any payload height
+    result = identify([simulate(other, count=2, seed=6)], truck)  # it rolls less than with any payload height
     assert result[HEIGHT].verdict is Verdict.AT_BOUND
     assert result["semitrailer.cog_height"].verdict is Verdict.AT_BOUND
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factors", [(1.0, 1.0, 0.04, 1.0), (9.0, 1.0, 1.0, 1.0)])
 def test_an_implausible_start(truck: Vehicle, factors: tuple[float, ...]) -> None:
     """It may fail, but what has converged is right."""
-    result = identify([simulate(truck, count=3, seed=6)], guesses(truck, factors))
+    result = identify([simulate(truck, count=2, seed=6)], guesses(truck, factors))
     true = truck.parameters()
     for e in result.parameters:
         assert e.verdict is not Verdict.CONVERGED or abs(e.value - true[e.name]) < 3 * e.sigma
@@ -134,8 +141,9 @@ def test_not_converged_when_stopped_early(truck: Vehicle) -> None:
         assert {e.verdict for e in result.parameters} == {verdict}
 
 
+@pytest.mark.slow
 def test_delay_of_the_steer_angle(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=4, seed=3)
+    record = simulate(truck, count=3, seed=3)
     delayed = np.interp(record.time - 0.08, record.time, record.signals["steer.tractor.front"])
     result = identify([record.with_signals({"steer.tractor.front": delayed})], guess)
     delay = next(e for e in result.sensors if e.name == "steer.tractor.front.delay")
@@ -143,21 +151,26 @@ def test_delay_of_the_steer_angle(truck: Vehicle, guess: Vehicle) -> None:
     within(result, truck, 0.03, 0.05)
 
 
+@pytest.mark.slow
 def test_slow_segments_and_gaps_are_not_used(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=6, seed=8)
+    record = simulate(truck, count=5, seed=8)
     speed = record.signals["speed"].copy()
     speed[1600:2000] = 2.0
     keep = (record.time < 30) | (record.time > 34)
     signals = {n: v[keep] for n, v in record.with_signals({"speed": speed}).signals.items()}
     result = identify([Record(time=record.time[keep], signals=signals)], guess)
-    assert result.logs[0].used == pytest.approx(48 - 4 - 4, abs=0.2)
+    assert result.logs[0].used == pytest.approx(40 - 4 - 4, abs=0.2)
     within(result, truck, 0.03, 0.05)
 
 
+@pytest.mark.slow
 def test_the_settings_of_the_article_keep_the_bias_of_its_stage_1(truck: Vehicle, guess: Vehicle) -> None:
     truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.group_paths()})  # as in the article
     record = simulate(truck, count=15, seed=3)
     result = identify([record], guess, article())
+    data = json.loads(result.to_json())
+    assert (data["preset"], data["sensors"]) == ("article", [])
+    assert data["settings"] == json.loads(json.dumps(article().as_dict()))
     for name, error in errors(result, truck).items():
         if name in stage_1_names(truck):
             assert -0.06 < error < -0.005, name  # the yaw model on a truck that rolls
@@ -192,6 +205,7 @@ def test_a_chain_of_three_units(truck: Vehicle) -> None:
         assert abs(e.value - values[e.name]) < 4 * e.sigma, e.name
 
 
+@pytest.mark.slow
 def test_result_as_json_and_as_a_vehicle(truck: Vehicle, guess: Vehicle) -> None:
     result = identify([simulate(truck, count=2, seed=9, name="a run")], guess)
     data = json.loads(result.to_json())
@@ -213,6 +227,7 @@ def test_a_log_without_a_needed_signal_is_refused(truck: Vehicle, missing: str) 
         identify([without(simulate(truck, count=1), missing)], truck)
 
 
+@pytest.mark.slow
 def test_everything_fixed(truck: Vehicle) -> None:
     everything = dict.fromkeys((*stage_1_names(truck), *stage_2_names(truck)), "exact")
     record = simulate(truck, count=1)
@@ -222,6 +237,7 @@ def test_everything_fixed(truck: Vehicle) -> None:
         identify([record], truck, article(given=everything))
 
 
+@pytest.mark.slow
 def test_a_single_unit() -> None:
     tractor = get("cheng_cebon_2011").units[0]
     alone = Vehicle(name="alone", units=(tractor,))

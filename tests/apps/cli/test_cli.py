@@ -1,6 +1,7 @@
 """The command line: files, exit codes, and errors that fit one line."""
 
 import fcntl
+import importlib
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import sys
 import termios
 import time
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,9 @@ from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import article
 from fifthwheel.apps.cli.vehicles import ask
 from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import read_log, write_record
+from fifthwheel.data.logs.readers import open_log
 from fifthwheel.estimate.observe import Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, catalogue, changes, get
@@ -33,12 +37,14 @@ from tests.truck.test_classes import TEXT
 COMMANDS = [command.callback.__name__.replace("_", "-") for command in cli.app.registered_commands]
 
 
+@pytest.mark.slow
 def test_identify_writes_five_files(identified):
     out, printed = identified
     assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "run.json"])
     assert printed["files"] == {name: str(out / name) for name in FILES}
 
 
+@pytest.mark.slow
 def test_identification_json(identified, folder):
     out, printed = identified
     text = (out / "identification.json").read_text()
@@ -69,6 +75,7 @@ def test_identification_json(identified, folder):
     assert fits["flat", "yaw_rate.semitrailer"]["explained"] > 0.9
 
 
+@pytest.mark.slow
 def test_states_parquet(identified, folder):
     out, _ = identified
     table = parquet.read_table(out / "states.parquet")
@@ -88,6 +95,7 @@ def test_states_parquet(identified, folder):
     assert np.isfinite(slip).all()
 
 
+@pytest.mark.slow
 def test_vehicle_toml_is_the_identified_truck(identified):
     out, printed = identified
     assert "# published: 8.0 m to the middle axle" in (out / "vehicle.toml").read_text()  # of the catalogue's file
@@ -105,6 +113,7 @@ def test_vehicle_toml_is_the_identified_truck(identified):
     assert truck.steer_signals() == get(TRUCK).steer_signals()
 
 
+@pytest.mark.slow
 def test_report_html(identified):
     out, _ = identified
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -113,6 +122,7 @@ def test_report_html(identified):
     assert "semitrailer" in page
 
 
+@pytest.mark.slow
 def test_the_next_command_takes_what_identify_wrote(identified, folder, run):
     out, _ = identified
     outcome = run("states", folder / "first.csv", "-v", out / "vehicle.toml", "-o", "o", "--json")
@@ -150,6 +160,28 @@ def test_states_of_several_logs_and_another_least_speed(folder, run):
     assert np.isnan(table["sideslip.tractor"].to_numpy()).all()
 
 
+@pytest.mark.slow
+def test_states_as_one_file_for_other_tools(folder, run):
+    pytest.importorskip("asammdf")
+    pytest.importorskip("mcap_ros2")
+    for name in ("states.mf4", "states.mcap"):
+        outcome = run("states", folder / "first.csv", "-v", TRUCK, "--out", name, "--json")
+        assert (outcome.code, outcome.json()["files"]) == (0, {name: name})
+        refused(run("states", folder / "first.csv", "-v", TRUCK, "--out", name), rf"{name}: exists")
+    assert sorted(path.name for path in Path().iterdir() if not path.is_dir()) == ["states.mcap", "states.mf4"]
+    with open_log("states.mf4") as log:
+        assert log.columns["sideslip.semitrailer.sigma"].unit == "rad"
+    with open_log("states.mcap") as log:
+        assert "fifthwheel/velocity.twist.twist.linear.y" in log.columns
+    refused(
+        run("states", *folder.glob("*.csv"), "-v", TRUCK, "-o", "all.mcap"), r"all\.mcap: \d logs, whose times overlap"
+    )
+    refused(
+        run("states", folder / "first.csv", "-v", TRUCK, "-o", "x.mf4", "--figures", "svg"), "--figures: needs a folder"
+    )
+
+
+@pytest.mark.slow
 def test_identify_prints_every_parameter_and_takes_logs_of_one_name(folder, run):
     """A log to predict is another log, whose sensor errors are not those of the log that was identified on."""
     for place in ("one", "two"):
@@ -166,6 +198,7 @@ def test_identify_prints_every_parameter_and_takes_logs_of_one_name(folder, run)
     assert len(set(parquet.read_table("fifthwheel-out/states.parquet")["log"].to_pylist())) == 2
 
 
+@pytest.mark.slow
 def test_fixed_parameters_keep_their_values_and_inform_of_the_next_log(folder, run):
     fixed, height = ["tractor.front.cornering_stiffness", "semitrailer.payload.height"], "semitrailer.payload.height"
     exact = [f"--set={name}=exact" for name in fixed]
@@ -190,12 +223,16 @@ def test_fixed_parameters_keep_their_values_and_inform_of_the_next_log(folder, r
     )
 
 
-def test_the_articles_preset(folder, run):
-    outcome = run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", "--json")
-    assert outcome.code == 0, outcome.err
-    assert outcome.json()["preset"] == "article"
-    assert outcome.json()["settings"] == json.loads(json.dumps(article().as_dict()))
-    assert outcome.json()["sensors"] == []
+def test_the_articles_preset(folder, run, monkeypatch):
+    chosen = []
+
+    def identified(records, vehicle, settings, **_):
+        chosen.append(settings)
+        raise SignalError("stop")
+
+    monkeypatch.setattr("fifthwheel.apps.workflow.runs.identify", identified)
+    refused(run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article"), "stop")
+    assert chosen == [article()]
 
 
 def test_logs_of_the_same_name_in_two_folders(folder, run):
@@ -274,6 +311,7 @@ def test_vehicle(run):
     assert {entry["name"]: entry["source"] for entry in entries} == {n: get(n).source for n in catalogue.names()}
 
 
+@pytest.mark.slow
 def test_show_a_vehicle(run):
     Path("truck.toml").write_text(TEXT)
     shown = run("vehicle", "show", "truck.toml", "--plot", "truck.svg", "--speed", "60")
@@ -290,6 +328,7 @@ def test_show_a_vehicle(run):
 NEW = ["--tractor", "tractor_4x2", "--trailer", "semitrailer_3", "--wheelbase", "3.7m", "--trailer-wheelbase", "7.7m"]
 
 
+@pytest.mark.slow
 def test_a_new_vehicle_by_options(run):
     made = run("vehicle", "new", *NEW, "--laden", "6850 10500 22500", "--solo", "5200 2000", "--accuracy", "0.5%")
     assert (made.code, made.out) == (0, "Written: truck.toml\n"), made.err
@@ -352,16 +391,17 @@ def test_ending_the_questions_keeps_the_answers(run, monkeypatch, end):
     command = outcome.err.splitlines()[-1]
     expected = "fifthwheel vehicle new --ask --tractor tractor_4x2 --trailer semitrailer_3 --wheelbase '3.7 m'"
     assert command == expected
-    typed += ["", "8 m", "", "6900 11200 21500", "5200 1990", "", "", "20 t +- 1 t", *[""] * 5]
+    typed += ["", "", "8 m", "", "6900 11200 21500", "5200 1990", "", "", "20 t +- 1 t", *[""] * 5]
     outcome = run(*shlex.split(command)[1:])
     assert outcome.code == 0, outcome.err
     assert Vehicle.load("truck.toml").stated["semitrailer.payload.mass"] == 1000
-    typed += ["", "8 m", "", "11200 6900 21500", "5200 1990", *[""] * 8]
+    typed += ["", "", "8 m", "", "11200 6900 21500", "5200 1990", *[""] * 8]
     outcome = run(*shlex.split(command)[1:], "--force")
     assert outcome.code == 2
     assert "--laden '11200 6900 21500' --solo '5200 1990'\nerror: laden: front and drive axle loads seem" in outcome.err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a terminal")
 @pytest.mark.parametrize("key", [b"\x03", b"\x04"])
 def test_the_keys_that_end_the_questions(key, tmp_path):
@@ -449,6 +489,7 @@ def test_a_bad_vehicle_file(old, new, start, folder, run):
     refused(run("identify", folder / "first.csv", "-v", "truck.toml"), start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["identify", "states"])
 def test_a_log_of_a_truck_at_rest(command, folder, run):
     record = read_log(folder / "first.csv")
@@ -595,9 +636,10 @@ def fifthwheel_process(*arguments: str | Path, cwd: Path) -> subprocess.Complete
 def test_as_a_process(folder, tmp_path):
     version = fifthwheel_process("--version", cwd=tmp_path)
     assert (version.returncode, version.stdout, version.stderr) == (0, f"fifthwheel {fifthwheel.__version__}\n", "")
-    done = fifthwheel_process("identify", folder / "first.csv", "-v", TRUCK, *LINEAR, "--json", cwd=tmp_path)
+    done = fifthwheel_process("identify", folder / "first.csv", "-v", TRUCK, "--json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert [p["name"] for p in json.loads(done.stdout)["parameters"]] == ESTIMATED
+    assert [p["name"] for p in json.loads(done.stdout)["parameters"]] == [*ESTIMATED, "road.friction"]
+    assert (tmp_path / "fifthwheel-out" / "report.html").exists()
     modules = set((tmp_path / "modules").read_text().split())
     assert "fifthwheel.apps.cli" in modules
     assert not {"scipy", "pandas"} & modules  # both take longer to import than a short log takes to process
@@ -651,7 +693,10 @@ def test_simulates_everyday_driving_with_engine_and_hills(run, tmp_path):
 
 
 @pytest.mark.slow
-def test_reproduces_the_article_in_short(run, tmp_path):
+def test_reproduces_the_article_in_short(run, tmp_path, monkeypatch):
+    """With fewer lane changes than --quick has: numbers are not looked at."""
+    program = importlib.import_module("fifthwheel.apps.cheng_cebon_2011.reproduce")
+    monkeypatch.setattr(program, "QUICK", replace(program.QUICK, repetitions=1))
     outcome = run("reproduce", "--quick", "--seeds", "1", "--out", "r", "--json")
     assert outcome.code == 0
     names = {path.name for path in (tmp_path / "r").iterdir()}
@@ -685,19 +730,3 @@ def test_an_unknown_option_names_the_option_for_numbers(run):
     refused(
         run("evaluate", "run.csv", "--frict", "0.3"), r"No such option: --frict [^.]*See fifthwheel evaluate --help"
     )
-
-
-@pytest.mark.slow
-def test_identify_imports_neither_scipy_nor_pandas(tmp_path):
-    """Both take longer to import than a short log takes to process."""
-    truck = get("cheng_cebon_2011")
-    write_record(simulate(truck, count=2, seed=0), tmp_path / "run.csv")
-    code = (
-        "import sys; from fifthwheel.apps import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
-        "try: cli.main()\nfinally: print(*sys.modules, file=sys.stderr)"
-    )
-    arguments = ["identify", "run.csv", "-v", "cheng_cebon_2011"]
-    command = [sys.executable, "-c", code, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert (tmp_path / "fifthwheel-out" / "report.html").exists()
-    assert not {"scipy", "pandas"} & set(done.stderr.split())

@@ -87,6 +87,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {package: text for package, _, text in texts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("package", "extra"), [command[:2] for command in COMMANDS])
 def test_the_error_names_the_extra(package: str, extra: str, printed: dict[str, str]) -> None:
     text = printed[package]

@@ -17,6 +17,7 @@ VEHICLE = ("export", "c", "-v", "cheng_cebon_2011", "--signal", "speed", "--sign
 SIGNALS = (*VEHICLE, "--signal", "yaw_rate.tractor")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("options", "files"), [((), FILES), (("--learner", "--passes", "0"), LEARNER_FILES)])
 def test_the_files(
     options: tuple[str, ...], files: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -11,6 +11,7 @@ import pytest
 from fifthwheel.apps.cheng_cebon_2011.experiments import section_4
 from fifthwheel.apps.cheng_cebon_2011.outcomes import outcome
 from fifthwheel.apps.studies.scenarios import article_sensors, initial_guess
+from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.online import Learner
@@ -18,8 +19,7 @@ from fifthwheel.model.manoeuvres import OpenLoop, lane_changes
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report.conclusion import conclude_identification
-from fifthwheel.truck import get
-from tests.apps.cli.conftest import LINEAR
+from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")
 CASES = Path(os.environ.get("FIFTHWHEEL_CASES", Path(__file__).resolve().parents[4] / "shared" / "cases"))
@@ -45,6 +45,7 @@ def verdicts(result: Identification) -> set[Verdict]:
     return {e.verdict for e in result.parameters if e.name != "road.friction"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "duration", "tyres"), [(15.0, 20.0, "auto"), (21.0, 40.0, "linear")])
 def test_a_constant_turn_identifies_nothing(speed: float, duration: float, tyres: str) -> None:
     """It shows the understeer, which both tractor axles have in common, and nothing of the trailer."""
@@ -60,7 +61,8 @@ def test_a_constant_turn_identifies_nothing(speed: float, duration: float, tyres
     assert largest_deviation(result) < 2
 
 
-@pytest.mark.parametrize(("size", "tyres"), [(0.8, "auto"), (0.8, "linear"), (5.0, "linear")])
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "tyres"), [(0.8, "auto"), (5.0, "linear")])
 def test_one_bad_sample_changes_nothing(size: float, tyres: str) -> None:
     log = simulate(TRUCK, count=1, seed=0)
     values = log.signals["yaw_rate.tractor"].copy()
@@ -87,6 +89,7 @@ def slowed(deceleration: float) -> Record:
     return run_.record(article_sensors(TRUCK), seed=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deceleration", [0.2, 0.9])
 def test_a_retarder_is_no_wrong_vehicle_file(deceleration: float) -> None:
     record = slowed(deceleration)
@@ -97,17 +100,18 @@ def test_a_retarder_is_no_wrong_vehicle_file(deceleration: float) -> None:
     assert not [c for c in conclude_identification(result, [record]).cautions if "static load" in c or "rolling" in c]
 
 
-def test_a_rigid_tyre_stays_within_the_range_of_a_vehicle(run, tmp_path: Path) -> None:
-    """Its estimate may reach that limit; the result is written."""
+@pytest.mark.slow
+def test_a_rigid_tyre_stays_within_the_range_of_a_vehicle(tmp_path: Path) -> None:
+    """Its estimate may reach that limit; the result is written, and read again."""
     name = "semitrailer.tyre_roll_stiffness"
-    assert run("simulate", "drive.csv", "--count", "2").code == 0
-    TRUCK.replace({name: 1e8}).save(tmp_path / "truck.toml")
-    outcome = run("identify", "drive.csv", "-v", "truck.toml", *LINEAR, "--out", "out")
-    assert (outcome.code, outcome.err) == (0, "")
-    assert Identification.load(tmp_path / "out").vehicle.parameters()[name] == pytest.approx(1e8, rel=0.3)
-    assert run("states", "drive.csv", "-v", "out", "--out", "states").code == 0
+    result = identify([simulate(TRUCK, count=2)], TRUCK.replace({name: 1e8}), OneStage(tyres="linear"))
+    (tmp_path / "identification.json").write_text(result.to_json())
+    assert Identification.load(tmp_path).vehicle.parameters()[name] == pytest.approx(1e8, rel=0.3)
+    result.vehicle.save(tmp_path / "vehicle.toml")
+    assert Vehicle.load(tmp_path / "vehicle.toml").parameters()[name] == pytest.approx(1e8, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_mass_of_the_trailer_stands_beside_the_verdict() -> None:
     """Lateral motion scales with the masses: a lighter trailer gives softer tyres, as announced."""
     record = simulate(TRUCK, count=2, seed=1)
@@ -140,19 +144,18 @@ def test_two_stages_find_the_front_stiffness_of_section_4() -> None:
 @pytest.mark.slow
 @with_cases
 @pytest.mark.parametrize(
-    "arguments",
+    ("vehicle", "signals"),
     [
-        ("L01.csv", "-v", "wb_vehicle.toml", "-s", "sig_wb.toml"),  # delays of 0.275 and 0.287 s
-        ("L01.csv", "-v", "lkw.toml", "-s", "sig_pm.toml"),  # five bad samples
-        ("L01clean.csv", "-v", "lkw.toml", "-s", "sig_025.toml", "--exclude", "217.5..218.6"),
+        ("wb_vehicle.toml", "sig_wb.toml"),  # delays of 0.275 and 0.287 s
+        ("lkw.toml", "sig_pm.toml"),  # five bad samples
     ],
 )
-def test_first_runs_converge(arguments: tuple[str, ...], run, tmp_path: Path) -> None:
-    files = [str(FIRST_HOUR / a) if (FIRST_HOUR / a).is_file() else a for a in arguments]
+def test_first_runs_converge(vehicle: str, signals: str) -> None:
+    """By the identification alone: states and report take the time again and are not looked at."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert run("identify", *files, "--out", "out").code == 0
-    result = Identification.load(tmp_path / "out")
+        record = read_log(FIRST_HOUR / "L01.csv", SignalMap.load(FIRST_HOUR / signals))
+        result = identify([record], Vehicle.load(FIRST_HOUR / vehicle))
     assert verdicts(result) == {Verdict.CONVERGED}
     assert not result.doubts
     assert largest_deviation(result, TRUE) < 2

@@ -33,6 +33,7 @@ def ran(*arguments) -> dict:
     return json.loads(outcome.stdout)
 
 
+@pytest.mark.slow
 def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     note = "40 t, dry"
     told = ran(
@@ -55,6 +56,7 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     assert page.text.index(f"{note} (J. Smith, ") < page.text.index(conclusion["headline"])
 
 
+@pytest.mark.slow
 def test_states_concludes_and_draws(folder, tmp_path):
     told = ran("states", folder / "flat.csv", "-v", NAME, "-o", tmp_path, "--json", "--figures", "svg")
     assert (
@@ -95,7 +97,9 @@ def states(*arguments: str) -> tuple[dict, dict[str, np.ndarray]]:
 
 def identification(**more) -> str:
     """An identification.json without sensor errors."""
-    log = LogSummary(name="run", span=(0, 1), samples=2, used=1, speed=(20, 20), rejected={}, noise={}, notes=())
+    log = LogSummary(
+        name="run", span=(0, 1), samples=2, averaged=1, used=1, speed=(20, 20), rejected={}, noise={}, notes=()
+    )
     truck = get(NAME)
     empty = Identification(
         method="one-stage",
@@ -123,6 +127,7 @@ def same(columns: dict[str, np.ndarray], expected) -> None:
         np.testing.assert_allclose(columns[f"{name}.sigma"], expected.sigma[name], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_equal_to_the_observer(record, truck):
     o = Observer(truck, record.signals)
     printed, columns = states("-i", identification())
@@ -135,6 +140,7 @@ def test_equal_to_the_observer(record, truck):
     same(columns, o.batch(record, UNCERTAINTY))
 
 
+@pytest.mark.slow
 def test_on_a_bank(record, truck):
     printed, columns = states("--bank")
     assert printed["logs"][0]["states"][-1] == "bank.road"
@@ -152,6 +158,7 @@ def test_an_uncertainty_that_is_not_a_covariance(record, monkeypatch, capsys):
     assert capsys.readouterr().err.startswith(f"error: {path}: uncertainty: not a covariance")
 
 
+@pytest.mark.slow
 def test_a_result_folder_is_its_vehicle_and_its_identification(record, truck):
     path = identification(uncertainty=UNCERTAINTY.as_dict())
     result = Path("result")
@@ -205,7 +212,7 @@ def test_check_names_and_draws_the_late_channels(late, tmp_path, capsys):
     assert (code, err) == (0, "")
     words = " ".join(out.split())
     assert "0.35 s late" in words
-    assert "set delay = 0.35" in words
+    assert 'set delay = "0.35 s +- ' in words
     text = page.read_text()
     for name in LATE:
         assert name in text

@@ -77,6 +77,7 @@ def test_results_are_replaced_by_the_same_command_only(place, run):
     assert (place / "out" / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, run):
     assert run("identify", "log.csv", "-v", "truck.toml", "-o", "out", "--tyres", "linear").code == 0
     assert sorted(path.name for path in (place / "out").iterdir()) == sorted([*FILES, MANIFEST])
@@ -88,6 +89,7 @@ def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, ru
     assert run("states", *both[:3]).code == 0  # alone it is any vehicle file
 
 
+@pytest.mark.slow
 def test_a_full_disk(place, run, monkeypatch):
     """The error names the file that is too large, and nothing is left of it."""
     write_bytes, states = Path.write_bytes, ("states", "log.csv", "-v", "truck.toml", "-o", "out")

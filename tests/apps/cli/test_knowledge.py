@@ -86,6 +86,7 @@ def test_a_changed_file_is_not_replaced(result, run):
     refused(run("knowledge", "forget", result, "first"), ".*changed since fifthwheel identify wrote it, .*--out")
 
 
+@pytest.mark.slow
 def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path):
     assert run("knowledge", "forget", result, "first", "-o", "one.json").code == 0
     assert run("knowledge", "forget", result, "second", "-o", "other").code == 0
@@ -110,6 +111,7 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
 OPTIONS = [word for name in FIXED for word in ("--set", f"{name}=exact")]
 
 
+@pytest.mark.slow
 def test_a_run_and_its_page(run, tmp_path):
     manifest, out, page = make_fleet(tmp_path / "fleet", trucks=1, trips=2), tmp_path / "out", tmp_path / "fleet.html"
     first = run("fleet", "run", manifest, "--out", out, "--jobs", "1", *OPTIONS)

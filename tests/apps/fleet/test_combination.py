@@ -88,6 +88,7 @@ def test_only_estimated_parameters_are_reported() -> None:
     assert "tractor.mass" in {u.name for u in result.layout.unknowns}
 
 
+@pytest.mark.slow
 def test_intervals_cover() -> None:
     """90 % intervals of every parameter at the first, a middle and the last trip, with drift and uncertain masses."""
     rng, inside = np.random.default_rng(3), []
@@ -171,6 +172,7 @@ def load(truck) -> None:
     truck.z[4] += 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "kind"), [(tyres, "tyres"), (load, "load")])
 def test_a_change_is_found_and_dated(change, kind) -> None:
     """In at least 9 of 10 trucks with the right kind and date; on tyres by 15 %, on the load by 25 % and 0.3 m."""

@@ -23,6 +23,8 @@ from fifthwheel.data.record.record import EARLIEST_DATE
 from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
 from tests.apps.fleet.make import DRIVE, FAST, OTHER, TRUCK, make_fleet, write_manifest
 
+pytestmark = pytest.mark.slow
+
 RUN = import_module("fifthwheel.apps.fleet.run")
 
 

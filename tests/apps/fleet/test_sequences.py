@@ -142,14 +142,15 @@ def check_sequence(fleet, states):
             assert before == fleet.of_first_run(state)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@pytest.mark.slow
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(states=st.lists(STATES, min_size=2, max_size=5))
 def test_a_run_does_not_depend_on_earlier_runs(fleet, states) -> None:
     check_sequence(fleet, states)
 
 
 @pytest.mark.slow
-@settings(max_examples=50, deadline=None)
-@given(states=st.lists(STATES, min_size=2, max_size=12))
+@settings(max_examples=20, deadline=None)
+@given(states=st.lists(STATES, min_size=2, max_size=10))
 def test_a_run_does_not_depend_on_many_earlier_runs(fleet, states) -> None:
     check_sequence(fleet, states)

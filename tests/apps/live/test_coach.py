@@ -24,6 +24,8 @@ from fifthwheel.apps.live.summary import Summary
 from fifthwheel.base.errors import FifthwheelError
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, write_candump, write_files
 
+pytestmark = pytest.mark.slow
+
 FRONT, INERTIA = "tractor.front.cornering_stiffness", "semitrailer.yaw_inertia"
 FEW = replace(coaching.DRIVEN, speeds=(88 / 3.6,), frequencies=(0.4,), accelerations=(1.0,))
 
@@ -95,23 +97,24 @@ def test_the_advice_follows_a_drive(session):
     session.close()
 
 
-@pytest.mark.parametrize(
-    ("given", "obstacle"),
-    [
-        ({"status": NodeStatus.TOO_SLOW, "speed": 0.0}, "standing"),
-        ({"status": NodeStatus.TOO_SLOW, "speed": 3.0}, "too slow for the model"),
-        ({"status": NodeStatus.INPUT_MISSING, "speed": math.nan}, "speed or steer angle missing"),
-        ({"problems": {"Tractor.yaw": LiveFault.SIGNAL_MISSING}}, "Tractor.yaw: signal missing"),
-        ({}, ""),
-    ],
+OBSTACLES = (
+    ({}, ""),
+    ({"status": NodeStatus.TOO_SLOW, "speed": 0.0}, "standing"),
+    ({"status": NodeStatus.TOO_SLOW, "speed": 3.0}, "too slow for the model"),
+    ({"status": NodeStatus.INPUT_MISSING, "speed": math.nan}, "speed or steer angle missing"),
+    ({"problems": {"Tractor.yaw": LiveFault.SIGNAL_MISSING}}, "Tractor.yaw: signal missing"),
 )
-def test_obstacles(session, given, obstacle):
+
+
+def test_obstacles(session):
+    """One after the other, each of which ends."""
     coach = session.coach
-    coach.update(output(1.0, **given))
-    assert coach.advice.obstacle == obstacle
-    assert coach.advice.headline == (obstacle or coach.advice.next)
-    coach.update(output(2.5))
-    assert coach.advice.obstacle == ""
+    for k, (given, obstacle) in enumerate(OBSTACLES):
+        coach.update(output(3.0 * k + 1.0, **given))
+        assert coach.advice.obstacle == obstacle
+        assert coach.advice.headline == (obstacle or coach.advice.next)
+        coach.update(output(3.0 * k + 2.5))
+        assert coach.advice.obstacle == "", obstacle
 
 
 def test_too_much_steering_is_an_obstacle(session):
@@ -149,6 +152,11 @@ def test_a_pool_computes_the_manoeuvres_again(tmp_path):
         assert coach._candidates is not before
 
 
+@pytest.fixture(scope="module")
+def learning():
+    return make_learning(TRUCK, SIGNALS)
+
+
 @pytest.mark.parametrize(
     ("targets", "message"),
     [
@@ -157,16 +165,16 @@ def test_a_pool_computes_the_manoeuvres_again(tmp_path):
         ({FRONT: 0.0}, "expected a sigma above 0, got 0; give one such as 5%"),
     ],
 )
-def test_wrong_targets(targets, message):
+def test_wrong_targets(learning, targets, message):
     with pytest.raises(FifthwheelError, match=message):
-        Coach(make_learning(TRUCK, SIGNALS), targets)
+        Coach(learning, targets)
 
 
 @pytest.fixture
 def live(tmp_path, monkeypatch):
-    """The command, in a folder with a trace of three lane changes."""
+    """The command, in a folder with a trace of two lane changes."""
     write_files(tmp_path)
-    write_candump(tmp_path / "run.log", frames(driven(24.0)))
+    write_candump(tmp_path / "run.log", frames(driven(16.0)))
     monkeypatch.chdir(tmp_path)
     files = ["live", "--signals", "signals.toml", "--vehicle", "cheng_cebon_2011", "--replay", "run.log", "--rate", "0"]
     return lambda *options: CliRunner().invoke(app, [*files, *options])

@@ -54,6 +54,7 @@ def state(learned, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_changed_load_is_found_after_a_standstill_and_not_averaged_in(state):
     learning = make_learning(TRUCK, SIGNALS, path=state)
     before = learning.learner[STIFF]
@@ -100,6 +101,7 @@ def test_each_trailer_has_its_own_estimates(state):
     assert learning.learner[STIFF].sigma < fresh.learner[STIFF].sigma
 
 
+@pytest.mark.slow
 def test_a_locked_parameter_keeps_its_estimate(state, learned, tmp_path):
     value = learned[0].learner[STIFF].value
     learning = make_learning(TRUCK, SIGNALS, path=state, locks=[STIFF])
@@ -195,6 +197,7 @@ def test_a_number_on_the_bus_names_the_trailer(tmp_path):
     assert learning.learner.trailer == "12"
 
 
+@pytest.mark.slow
 def test_a_new_state_begins_with_knowledge_and_one_that_exists_continues(tmp_path):
     """With the trailer of the last log, unless another one is named; a trailer of the result has its own estimates."""
     log, occasion = simulate(TRUCK, count=2, seed=5), Occasion(trailer="depot 7", load="steel")

@@ -58,6 +58,7 @@ def run(name, folder, action, seconds=1.5, **options):
     return outputs
 
 
+@pytest.mark.slow
 def test_states_arrive_at_100_hz_from_a_virtual_bus(tmp_path):
     outputs = run("virtual:test", tmp_path, lambda sender, bus: play(sender, RECORD, 1.5))
     settled = [output for _, output in outputs][-100:]
@@ -68,12 +69,14 @@ def test_states_arrive_at_100_hz_from_a_virtual_bus(tmp_path):
     assert all(b > a for a, b in pairwise(times))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not multicast_works(), reason="needs UDP multicast")
 def test_states_arrive_from_udp_multicast(tmp_path):
     outputs = run("udp_multicast:239.74.163.2", tmp_path, lambda sender, bus: play(sender, RECORD, 1.0), port=43201)
     assert sum(output.status in (NodeStatus.OK, NodeStatus.DEGRADED) for _, output in outputs) > 50
 
 
+@pytest.mark.slow
 def test_a_silent_bus_is_reported_within_100_ms(tmp_path):
     stopped = []
 
@@ -88,6 +91,7 @@ def test_a_silent_bus_is_reported_within_100_ms(tmp_path):
     assert all(output.status is not NodeStatus.OK for at, output in outputs if at > first)
 
 
+@pytest.mark.slow
 def test_a_bus_that_goes_off_is_reported_and_opened_again(tmp_path):
     events = {}
 
@@ -124,6 +128,7 @@ def test_a_bus_that_cannot_be_opened_is_refused():
         bus.start()
 
 
+@pytest.mark.slow
 def test_a_node_that_does_not_keep_up_says_so(tmp_path):
     class Slow:
         def push(self, sample):
@@ -148,6 +153,7 @@ def test_a_node_that_does_not_keep_up_says_so(tmp_path):
     assert {output.status for output in late} == {NodeStatus.DEGRADED}
 
 
+@pytest.mark.slow
 def test_the_states_are_sent_on_the_bus(tmp_path):
     write_files(tmp_path)
     chosen = LiveOptions(bus=("virtual:send",), send="0x500", dbc=tmp_path / "states.dbc")

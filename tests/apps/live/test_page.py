@@ -117,6 +117,7 @@ def test_parameters_have_plain_names_sigma_and_unit(learning_page):
     assert all(parameter["text"].count(" ± ") == 1 for parameter in shown.values())
 
 
+@pytest.mark.slow
 def test_connections_are_limited(own_page):
     held = [get(own_page, "/events") for _ in range(32)]
     with pytest.raises((ConnectionError, http.client.HTTPException)):
@@ -130,6 +131,7 @@ def test_a_wrong_address_is_refused(address):
         Page(address, TRUCK, None)
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_refused(page):
     with pytest.raises(FifthwheelError, match="give another port"):
         Page(page.address.split(":")[2].strip("/"), TRUCK, None)

@@ -1,16 +1,12 @@
 """The record: pieces and the whole file, a full disk, and a process that was killed."""
 
-import json
-
 import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
 from fifthwheel.apps.live.outputs import recorder
-from fifthwheel.apps.live.outputs.recorder import KIND, PIECE, BackgroundWriter, Recorder
+from fifthwheel.apps.live.outputs.recorder import MESSAGES, PIECE, RECORD, BackgroundWriter, Recorder
 from fifthwheel.base.errors import FifthwheelError
-
-SUFFIXES = [".parquet", ".mcap"]
 
 
 def row(k):
@@ -23,15 +19,11 @@ def row(k):
 
 
 def times(path):
-    if path.suffix == ".parquet":
-        return pq.read_table(path)["time"].to_pylist()
-    with path.open("rb") as file:
-        return [json.loads(message.data)["time"] for _, _, message in make_reader(file).iter_messages()]
+    return pq.read_table(path)["time"].to_pylist()
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_run_gives_one_file(tmp_path, suffix):
-    writer, path = BackgroundWriter(), tmp_path / f"run{suffix}"
+def test_a_run_gives_one_file(tmp_path):
+    writer, path = BackgroundWriter(), tmp_path / "run.parquet"
     record = Recorder(path, writer)
     for k in range(2 * PIECE + 10):
         record.add(row(k))
@@ -42,9 +34,8 @@ def test_a_run_gives_one_file(tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_pieces_of_a_killed_run_are_readable_and_the_next_run_adds_to_them(tmp_path, suffix):
-    path = tmp_path / f"run{suffix}"
+def test_pieces_of_a_killed_run_are_readable_and_the_next_run_adds_to_them(tmp_path):
+    path = tmp_path / "run.parquet"
     first = Recorder(path, writer := BackgroundWriter())
     for k in range(PIECE + 500):
         first.add(row(k))
@@ -57,6 +48,32 @@ def test_pieces_of_a_killed_run_are_readable_and_the_next_run_adds_to_them(tmp_p
     again.close()
     writer.close()
     assert times(path) == [*(row(k)["time"] for k in range(PIECE)), 50.0]
+
+
+def moving(k):
+    known = {"sideslip.tractor": 0.01, "yaw_rate.tractor": 0.1, "yaw_rate.semitrailer": 0.05}
+    known |= {f"{name}.sigma": 0.001 for name in known} | {"articulation.semitrailer": 0.001 * k, "speed": 20.0}
+    return row(k) | known | {"status": 8.0 if k % 2 else 4.0 if k < PIECE else 0.0}
+
+
+def test_messages_of_ros_2_with_a_usable_status(tmp_path):
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    record = Recorder(tmp_path / "run.mcap", writer := BackgroundWriter(), MESSAGES)
+    for k in range(PIECE + 10):
+        record.add(moving(k))
+    record.close()
+    writer.close()
+    assert not writer.errors
+    with (tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        found = [(channel.topic, content) for _, channel, _, content in reader.iter_decoded_messages()]
+    rows = [k for k in range(PIECE + 10) if k % 2 or k >= PIECE]
+    angles = [content.position[0] for topic, content in found if topic == "/fifthwheel/articulation"]
+    assert angles == [0.001 * k for k in rows]
+    assert sum(topic == "/fifthwheel/velocity" for topic, _ in found) == len(rows)
+    with pytest.raises(FifthwheelError, match=r"no format for '\.parquet'; end the name in \.mcap"):
+        Recorder(tmp_path / "run.parquet", writer, MESSAGES)
 
 
 def test_new_columns_are_empty_before_they_appear(tmp_path):
@@ -82,13 +99,13 @@ def test_a_full_disk_is_survived_and_said(tmp_path, monkeypatch):
     writer._jobs.put(("other", lambda: None))
     while not writer._jobs.empty():
         pass
-    assert "No space left" in writer.errors[KIND]
+    assert "No space left" in writer.errors[RECORD]
     monkeypatch.undo()
     record.add(row(1))
     record.close()
     writer.close()
-    assert "rows that are not recorded: 1 (" in writer.errors[KIND]  # at the end too, when the disk has space again
-    assert "No space left" in writer.errors[KIND]
+    assert "rows that are not recorded: 1 (" in writer.errors[RECORD]  # at the end too, when the disk has space again
+    assert "No space left" in writer.errors[RECORD]
     assert times(path) == [0.01]
 
 

@@ -11,6 +11,7 @@ from fifthwheel.estimate.observe import Observer
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_candump, write_files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 1_700_000_000.25])
 def test_a_replay_of_simultaneous_messages_equals_the_offline_observer_to_the_last_bit(tmp_path, start):
     signal_map = write_files(tmp_path)
@@ -39,6 +40,7 @@ def test_the_samples_of_a_node_give_the_same_states_offline_to_the_last_bit(tmp_
     assert np.diff(record.time)[3:] == pytest.approx(0.01, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_delays_of_the_map_are_those_of_the_offline_tools(tmp_path):
     write_files(tmp_path)
     path = tmp_path / "signals.toml"

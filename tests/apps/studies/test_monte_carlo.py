@@ -16,6 +16,7 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cluster import connected
 from fifthwheel.apps.studies import Estimates, Identified, Learned, SimulatedRun, StatesOf, exact_guess, observer, study
 from fifthwheel.apps.studies.estimators import as_estimator
+from fifthwheel.apps.studies.monte_carlo import _rms_errors
 from fifthwheel.apps.studies.result_table import COLUMNS, ResultTable, RunName, as_table
 from fifthwheel.apps.studies.scenarios import simulated
 from fifthwheel.base.errors import FifthwheelError, SignalError
@@ -104,6 +105,7 @@ def test_initial_values_are_drawn_by_the_seed(tmp_path: Path) -> None:
     assert set(exact) == {true}
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_tables_in_any_number_of_processes(tmp_path: Path) -> None:
     estimators = {"kalman": StatesOf(observer), "own": MeanYawRate()}
     one = run(tmp_path / "one.parquet", estimators)
@@ -188,6 +190,7 @@ run(Path("study.parquet"), {"own": Slow()})
 """
 
 
+@pytest.mark.slow
 def test_a_kill_loses_only_the_runs_in_progress(tmp_path: Path) -> None:
     paths = {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(Path(__file__).parents[3])])}
     process = subprocess.Popen(
@@ -253,6 +256,7 @@ def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
     assert table.column("rms.sideslip.semitrailer")[0].as_py() == pytest.approx(np.sqrt(np.nanmean(error**2)))
 
 
+@pytest.mark.slow
 def test_settings_are_estimators(tmp_path: Path) -> None:
     """A learner as a study calls it equals a learner that gets the record."""
     five = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")  # quickly compiled
@@ -301,3 +305,17 @@ def test_a_study_on_a_dask_cluster_is_that_of_one_process(tmp_path: Path) -> Non
     with connected(jobs=2) as client:
         two = run(tmp_path / "two.parquet", estimators, scheduler=client.scheduler.address)
     assert without_time(one) == without_time(two)
+
+
+def test_a_filter_that_gives_up_has_no_rms():
+    """NaN is not left out of an rms error, and a state of a wrong length is an error of its run."""
+    time = np.arange(0.0, 1.0, 0.01)
+    record = Record(time=time, signals={"speed": 20 + 0 * time}, reference={"roll.tractor": 0.01 * time})
+    settled, missing = time >= 0.1, np.where(time < 0.9, 0.0, np.nan)
+    rms, error = _rms_errors(record, {"roll.tractor": np.where(time < 0.98, 0.0, np.nan)}, settled)
+    assert rms["roll.tractor"] == pytest.approx(0.01 * np.sqrt(np.mean(time[10:98] ** 2)))
+    assert not error
+    for values, text in ((missing, "no estimate in 11 % of the samples"), (time[:3], "expected 100 values")):
+        rms, error = _rms_errors(record, {"roll.tractor": values}, settled)
+        assert not rms
+        assert text in error

@@ -206,6 +206,7 @@ def test_a_stated_length_gives_the_positions_their_sigma() -> None:
 STATED = {
     "wheelbase": "3.7 m +- 2 cm",
     "fifth_wheel": "3.1 m +- 2 cm",
+    "fifth_wheel_height": "1.1 m +- 2 cm",
     "trailer_wheelbase": "8 m +- 2 cm",
     "trailer_spread": "1.3 m +- 2 cm",
     "tractor_tare": "7.2 t +- 1 %",

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from fifthwheel.apps.app.workspace import HIDDEN, SIGNALS, VEHICLE, Choices, Workspace
+from fifthwheel.apps.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.apps.workflow.inputs import propose_signals, report_fraction
 from fifthwheel.apps.workflow.results import IDENTIFICATION_FILES, compare_runs, write_loads
 from fifthwheel.apps.workflow.runs import run_loads
@@ -28,12 +28,12 @@ from fifthwheel.base.plots import Line, Plot
 from fifthwheel.base.plots.items import CYCLE
 from fifthwheel.base.settings import arguments, options_of
 from fifthwheel.data.channels import STEER, is_of
-from fifthwheel.data.logs import SignalMap
+from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.data.logs.files import record_of
 from fifthwheel.data.logs.name_rules import classify_columns
-from fifthwheel.data.logs.propose import LogSurvey, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.stored import StoredLog, store_log
+from fifthwheel.data.logs.survey import LogSurvey, survey_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.design.assess import InformationAssessment, predict_sigmas
 from fifthwheel.estimate.identify import Fit, Identification
@@ -56,6 +56,8 @@ EVIDENCE_SPAN = 600.0
 """Longest part of a log that is used to propose and compare signals, s."""
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""
+EXAMPLE = "cheng_cebon_2011"
+"""The published vehicle of the example."""
 KNOWLEDGE = "knowledge"
 """The option whose value is an earlier result."""
 
@@ -152,6 +154,14 @@ def record(
 def prepare() -> None:
     truck = catalogue.get("cheng_cebon_2011")
     signal_evidence(simulate(truck, count=1), truck)
+
+
+def write_example(folder: Path) -> None:
+    """Write a simulated log of lane changes, and its truck; its tyres are linear."""
+    workspace = Workspace(folder)
+    write_record(simulate(catalogue.get(EXAMPLE), count=3), workspace.folder / "logs" / "example.csv")
+    choices = workspace.choices().model_copy(update={"identify": {"tyres": "linear"}})
+    workspace.write({VEHICLE: catalogue.text(EXAMPLE), CHOICES: choices.text()}, "the example")
 
 
 def propose(folder: Path, name: str) -> str:

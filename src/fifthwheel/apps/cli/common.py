@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Logs = Annotated[
     list[Path],
-    typer.Argument(help="Logs of one vehicle: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces.", show_default=False),
+    typer.Argument(help="Logs of one vehicle, of any format of docs/logs.md, such as CSV or MF4.", show_default=False),
 ]
 VehicleOption = Annotated[
     str,

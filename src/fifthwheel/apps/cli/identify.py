@@ -10,7 +10,7 @@ import typer
 
 from fifthwheel.apps.cli import common
 from fifthwheel.apps.cli.app import Only, command, quantity_option
-from fifthwheel.base.atomic import one_run, reserved, result_folder
+from fifthwheel.base.atomic import atomic_write, one_run, reserved, result_folder
 from fifthwheel.base.options import IdentifyOptions, ObserverOptions
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road
     "fifthwheel signals run.mf4 --signals signals.toml --save run.parquet",
 )
 def signals(
-    log: Annotated[Path, typer.Argument(help="CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace.", show_default=False)],
+    log: Annotated[Path, typer.Argument(help="Of any format of docs/logs.md, such as CSV or MF4.", show_default=False)],
     signals: common.SignalsOption = None,
     allow_outside: common.AllowOutsideOption = False,
     database: Annotated[
@@ -64,9 +64,10 @@ def signals(
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
     from fifthwheel.base.pages.terminal import show
+    from fifthwheel.data.logs.map_text import is_unchanged
     from fifthwheel.results.report.logs import survey_document
 
-    with reserved(out, force=force), common.reading_bar([log]) as progress:
+    with reserved(out, force=force or is_unchanged(out)), common.reading_bar([log]) as progress:
         contents = survey_file(log, truck, databases=database or [], map_file=out, whole=whole, progress=progress)
     if as_json:
         common.print_json(contents.as_dict())
@@ -342,13 +343,17 @@ def identify(
     "fifthwheel states run.csv -v truck.toml --at sideslip.semitrailer=-2.34",
     "fifthwheel states run.csv -v truck.toml --smooth --bank",
     "fifthwheel states run.csv -v truck.toml --friction 0.3",
+    "fifthwheel states run.csv -v truck.toml --out states.mf4",
 )
 def states(
     logs: common.Logs,
     vehicle: common.VehicleOption,
     signals: common.SignalsOption = None,
     allow_outside: common.AllowOutsideOption = False,
-    out: common.OutOption = Path("fifthwheel-states"),
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="Folder for the results, or one file for the states only: .mf4 or .mcap."),
+    ] = Path("fifthwheel-states"),
     *,
     chosen: ObserverOptions,
     identification: common.IdentificationOption = None,
@@ -368,7 +373,9 @@ def states(
 ) -> None:
     """Estimate sideslip, roll, articulation and load transfer of a known vehicle.
 
-    Writes states.parquet, states.json (a summary, and the digests of the files that were read) and report.html.
+    Writes states.parquet, states.json (a summary, and the digests of the files that were read) and report.html. A file
+    with the ending .mf4 has all columns in SI; one with .mcap has messages of ROS 2 with the velocity and its
+    covariance, TwistWithCovarianceStamped, and the articulation angles, JointState, where the status is ok or coasting.
 
     The columns of states.parquet are time, every state and its sigma (SI), status, nis and log. nis is the health of
     the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements
@@ -386,7 +393,7 @@ def states(
 
     start_reader()
     from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
-    from fifthwheel.apps.workflow.results import STATES_FILES, write_results
+    from fifthwheel.apps.workflow.results import STATES_FILES, states_writer, write_results
     from fifthwheel.apps.workflow.runs import run_states
     from fifthwheel.apps.workflow.start import named_values
     from fifthwheel.estimate.identify import Identification
@@ -394,7 +401,8 @@ def states(
     from fifthwheel.results.report import provenance_of_run
     from fifthwheel.results.report.states import states_document
 
-    common.require_figures(figures, out)
+    write_file = states_writer(out, len(logs))
+    common.require_figures(figures, None if write_file else out)
     vehicle, identification = vehicle_and_identification(vehicle, identification)
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
@@ -402,7 +410,12 @@ def states(
     positions = named_values("--at", at or (), "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(**vars(chosen), positions=positions)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
-    with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
+    with (
+        reserved(out if write_file else None, force=force),
+        atomic_write(out)
+        if write_file
+        else result_folder(out, "states", STATES_FILES, inputs=read, force=force) as target,
+    ):
         records = common.load_records(logs, signals, allow_outside=allow_outside)
         with common.progress_bar(quiet=as_json) as progress:
             run = run_states(
@@ -410,9 +423,13 @@ def states(
             )
         for note in run.notes:
             typer.echo(note, err=True)
-        provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
-        written = write_results(run, folder, provenance=provenance, figures=figures, name=out.resolve().name)
-        files = common.in_folder(out, written)
+        if write_file:
+            write_file(run.states, run.records, target)
+            files = {out.name: out}
+        else:
+            provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
+            written = write_results(run, target, provenance=provenance, figures=figures, name=out.resolve().name)
+            files = common.in_folder(out, written)
     document = partial(states_document, run.states, run.records, run.conclusion)
     common.print_result(run.as_dict(), document, files, as_json=as_json)
 

@@ -176,7 +176,7 @@ def verify(
 
 LogArgument = Annotated[
     Path,
-    typer.Argument(help="Log of one test run: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace.", show_default=False),
+    typer.Argument(help="Log of one test run, of any format of docs/logs.md, such as MF4.", show_default=False),
 ]
 TestOption = Annotated[
     str,

@@ -179,7 +179,8 @@ def show(
         float, typer.Option(min=5.0, max=140.0, help="Of the oscillations and the lane change, km/h.")
     ] = 80,
     plot: Annotated[
-        Path | None, typer.Option(help="File for a drawing to scale: .html, or .svg, .png, .pdf with matplotlib.")
+        Path | None,
+        typer.Option(help="File for a drawing to scale: .html; .svg, .png and .pdf need fifthwheel[figures]."),
     ] = None,
     force: common.ForceFileOption = False,
     as_json: common.JsonOption = False,

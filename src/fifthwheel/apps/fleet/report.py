@@ -18,12 +18,15 @@ from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.results.report.conclusion import counted
+from fifthwheel.results.report.vehicle import date_axis
 from fifthwheel.truck.spoken_names import named, spoken
 
 MAX_HISTORIES = 40
 """Trucks whose histories are drawn: those that need attention first."""
 ENOUGH_TRIPS = 3
 """With fewer trips that determine a parameter, more excitation comes first."""
+LEAST_SPAN = 4 * 86_400e3
+"""Of the axis of dates, ms, so that its ticks are whole days."""
 MAX_ROWS = 2000
 """Sequence[Row] of a table of the page; the Parquet tables have all."""
 
@@ -154,7 +157,7 @@ def _history(
             )
             items.append(Points(dates[own], alone, y_sigma=spread, name=name, colour=colour, size=6))
     items += [Guide(x=at, colour="#bbbbbb", width=1, dash="solid") for at in changes]
-    plot = Plot(panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
+    plot = Plot(panels=[Panel(items=items, x=date_axis(dates, LEAST_SPAN), y=Axis(unit=unit.name))])
     note = ", ".join(text for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
     path = (truck, "history", "-".join(filter(None, key)))
     return pages.CaptionedPlot(spoken(parameter), plot, f"truck {truck}", path, note=note)

@@ -11,6 +11,7 @@ from types import FunctionType
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from fifthwheel import __version__
 from fifthwheel.apps.cluster import run_all
@@ -20,10 +21,17 @@ from fifthwheel.apps.studies.scenarios import Scenario, SimulatedRun, initial_gu
 from fifthwheel.base.arguments import expect, expect_number, expect_optional
 from fifthwheel.base.atomic import held
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.formatting import percent
 from fifthwheel.base.settings import Settings as ValidatedSettings
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.model.plant import Sensor
 from fifthwheel.truck import Vehicle, get
+
+MOST_MISSING = 0.05
+"""Fraction of the samples of a run without an estimate of a state, above which the state has no rms error: a filter
+that gives up must not win."""
 
 Guess = Callable[[Vehicle, int], Vehicle]
 """The vehicle that an estimator starts from, by the true one and the seed."""
@@ -56,11 +64,12 @@ def study(
 ) -> pa.Table:
     """Simulate and estimate every combination of truck, manoeuvre, sensors, estimator and seed.
 
-    The result has a row for each run and parameter, all SI: the names of the run, parameter, unit, truth, truth_low and
-    truth_high (the range of effective stiffness of nonlinear tyres, else equal), estimate, sigma, verdict, error (the
-    message of a run that failed, else empty), seconds (CPU time of the estimator), and `rms.<state>`: the rms error of
-    every estimated state that the model has a true value of. A run without parameters has one row with an empty
-    parameter. Equal arguments give equal numbers, apart from `seconds`.
+    The result has a row for each run and parameter, all SI: the names of the run, parameter, unit, truth, truth_low
+    and truth_high (the range of effective stiffness of nonlinear tyres, else equal), estimate, sigma, verdict,
+    error (the message of a run that failed, else empty), seconds (CPU time of the estimator), and `rms.<state>`:
+    the rms error of every estimated state that the model has a true value of, and that has a value in 95 % of the
+    samples. A run without parameters has one row with an empty parameter. Equal arguments give equal numbers, apart
+    from `seconds`.
 
     A run that `out` already has is not computed again, if truck, manoeuvre, sensors, estimator and version of this
     package are the same. Finished runs are kept when the study is interrupted or killed; call it again to continue.
@@ -185,12 +194,29 @@ def _run(setup: _Setup, name: RunName) -> list[Row]:
     seconds = time.process_time() - start
     truth = partial(true_value, scenario.vehicle, scenario.stiffness)
     settled = record.time >= record.time[0] + setup.settling_time
-    states = {
-        name: float(np.sqrt(np.nanmean((values - record.reference[name])[settled] ** 2)))
-        for name, values in estimates.states.items()
-        if name in record.reference and np.isfinite(values[settled]).any()
-    }
-    return run_rows(base | {"error": "", "seconds": seconds}, estimates.parameters, truth, states)
+    states, faults = _rms_errors(record, estimates.states, settled)
+    return run_rows(base | {"error": faults, "seconds": seconds}, estimates.parameters, truth, states)
+
+
+def _rms_errors(
+    record: Record, estimated: Mapping[str, Array], settled: NDArray[np.bool_]
+) -> tuple[dict[str, float], str]:
+    """The rms error of each state over the settled samples (N,) with a reference, and what is wrong with the others: a
+    state that is missing in too many of these samples has no rms."""
+    states, errors = {}, []
+    for name, values in estimated.items():
+        if name not in record.reference:
+            continue
+        if np.shape(values) != np.shape(record.time):
+            errors.append(f"{name}: expected {len(record)} values, one for each sample, got {np.shape(values)}")
+            continue
+        off = (np.asarray(values) - record.reference[name])[settled & np.isfinite(record.reference[name])]
+        missing = 1.0 - float(np.isfinite(off).mean()) if off.size else 1.0
+        if missing > MOST_MISSING:
+            errors.append(f"{name}: no estimate in {percent(missing)} of the samples")
+        else:
+            states[name] = float(np.sqrt(np.nanmean(off**2)))
+    return states, "; ".join(errors)
 
 
 def _digest(*parts: object) -> str:

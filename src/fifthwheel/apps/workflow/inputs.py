@@ -11,13 +11,14 @@ from typing import Any
 from fifthwheel.base.atomic import recover, write_text
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.data.checks import Fault
-from fifthwheel.data.checks.findings import is_gap
+from fifthwheel.data.checks.findings import is_gap, uncertain_delay
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.assemble import assemble
 from fifthwheel.data.logs.map_text import as_toml
-from fifthwheel.data.logs.propose import LogSurvey, MapProposal, propose_map, survey_log
+from fifthwheel.data.logs.propose import MapProposal, propose_map, without_set_units
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.source import LogSource
+from fifthwheel.data.logs.survey import LogSurvey, survey_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.settings import Progress
@@ -208,17 +209,19 @@ def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None 
     except SignalError:
         return proposal  # its findings tell why
     channels, reasons = dict(proposal.signals.signals), dict(proposal.reasons)
-    findings = check_signals(record, vehicle)
+    findings = without_set_units(check_signals(record, vehicle), proposal.signals, log)
     for finding in findings:
         if finding.fault is Fault.TIME_OFFSET:
             for signal in (finding.signal, *finding.others):
-                channels[signal] = channels[signal].model_copy(update=dict(finding.remedy))
+                delay = uncertain_delay(float(finding.remedy["delay"]), finding.sigma or 0.0)
+                channels[signal] = channels[signal].with_uncertain(delay=delay)
                 reasons[signal] += f"; delay by what the other signals predict: {finding.message.partition(';')[0]}"
     return replace(
         proposal,
         signals=proposal.signals.model_copy(update={"signals": channels}),
         reasons=reasons,
-        findings=tuple(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
+        findings=proposal.questions
+        + tuple(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
     )
 
 

@@ -138,6 +138,7 @@ QUESTIONS = (
     Question(key="wheelbase", unit="m", limits=(2, 8), example="3.7 m +- 2 cm", required=True),
     Question(key="tractor_spread", unit="m", limits=SPREADS, example="1.35 m +- 1 cm", unused=_one_axle(TRACTOR)),
     Question(key="fifth_wheel", unit="m", limits=(1, 9), example="3.1 m +- 3 cm"),
+    Question(key="fifth_wheel_height", unit="m", limits=(0.6, 2), example="1.2 m +- 2 cm"),
     Question(key="trailer_wheelbase", unit="m", limits=(3, 15), example="7.7 m +- 2 cm", required=True),
     Question(key="trailer_spread", unit="m", limits=SPREADS, example="1.31 m +- 1 cm", unused=_one_axle("trailer")),
     Question(key="laden", example="6850 10500 22500"),
@@ -222,6 +223,7 @@ class _Builder:
         trailer["axle_groups"] = [self._trailer_group()]
         coupling: dict[str, Any] = {"name": COUPLING}
         self._set(coupling, COUPLING, "trailing_position", (0.0, None), "the origin")
+        self._set(coupling, COUPLING, "height", known.get("fifth_wheel_height"), MEASURED)
         if known.get("load_mass", (1.0, None))[0] > 0:
             trailer["payload"] = self._payload()
         self._masses(tractor, trailer, coupling)

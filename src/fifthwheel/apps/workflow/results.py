@@ -1,6 +1,6 @@
 """The files of a run and of an assessment, what they are read from, and several runs side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,15 @@ from fifthwheel.apps.workflow.inputs import identification_file, read_vehicle
 from fifthwheel.apps.workflow.runs import IdentificationRun, StatesRun
 from fifthwheel.apps.workflow.start import Note, Start
 from fifthwheel.base.atomic import one_run, write_json, write_text
-from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.lazy import require
 from fifthwheel.base.pages.html import write as write_page
 from fifthwheel.base.spelling import setting
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.storage import read_contents
-from fifthwheel.estimate.observe import write_states
+from fifthwheel.estimate.observe import States, write_states
 from fifthwheel.results.assess import Assessment
 from fifthwheel.results.diagnose import Comparison, compare
 from fifthwheel.results.evaluate import Evaluation, Validation
@@ -111,6 +113,23 @@ STATES_FILES = ("states.json", "states.parquet", "report.html")
 IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", KNOWLEDGE, *STATES_FILES[1:])
 
 
+def states_writer(path: Path, logs: int) -> Callable[[Sequence[States], Sequence[Record], Path], object] | None:
+    """What writes the states of logs to a file; None for a folder. A FifthwheelError if the file cannot be written."""
+    if path.suffix not in (".mf4", ".mcap") or path.is_dir():
+        return None
+    if path.suffix == ".mf4":
+        require("asammdf", "mdf")
+        from fifthwheel.results.export.mf4 import write_mf4
+
+        return lambda states, _, file: write_mf4(states, file)
+    require("mcap_ros2", "mcap")
+    from fifthwheel.results.export.ros2 import write_mcap
+
+    if logs > 1:
+        raise FifthwheelError(f"{path.name}: {logs} logs, whose times overlap; write a file for each log, or .mf4")
+    return lambda states, records, file: write_mcap(states[0], records[0], file)
+
+
 def write_results(
     run: IdentificationRun | StatesRun,
     folder: Path,
@@ -168,7 +187,7 @@ def write_results(
             title=vehicle.name,
             name=name,
             conclusion=run.conclusion,
-            outlook=run.assessment,
+            outlook=run.outlook,
             performance=run.performance,
             conditions=StateConditions(uncertain=() if covariance is None else covariance.names),
             provenance=noted,

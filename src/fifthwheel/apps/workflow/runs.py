@@ -50,7 +50,7 @@ class IdentificationRun:
     identification: Identification
     states: tuple[States, ...]
     """Of every record, in the same order."""
-    assessment: "InformationAssessment | None"
+    outlook: "InformationAssessment | None"
     """What would improve the estimates; None where they are good, or where it cannot be predicted."""
     conclusion: Conclusion
     performance: Assessment | None = None
@@ -82,7 +82,7 @@ def run_identification(
     identification = identify(
         records, vehicle, settings, knowledge=knowledge, occasion=occasion, validate=validate, progress=progress
     )
-    assessment = _assess_remedies(identification, records, occasion or Occasion())
+    outlook = _assess_remedies(identification, records, occasion or Occasion())
     everything = (*records, *validate)
     progress("states", 0, len(everything))
     states = []
@@ -97,9 +97,9 @@ def run_identification(
         records=everything,
         identification=identification,
         states=tuple(states),
-        assessment=assessment,
+        outlook=outlook,
         conclusion=conclude_identification(
-            identification, everything, assessment, states, [result for result in validated if result]
+            identification, everything, outlook, states, [result for result in validated if result]
         ),
         performance=performance,
     )

@@ -137,7 +137,8 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
 def build(workspace: Workspace) -> None:
     truck = runs.vehicle(workspace)
     runs.logs(workspace, workspace.choices())
-    _Settings(workspace, truck).build()
+    with ui.expansion("Logs, what is known, and settings", value=not runs.results(workspace)).classes("w-full"):
+        _Settings(workspace, truck).build()
     _run(workspace)
 
 
@@ -207,7 +208,7 @@ class _Settings:
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
             kind, label, choices = get_type_hints(IdentifyOptions)[key], question(key, option), option.choices
-            help = f"{option.help.removesuffix('.')}."
+            help = "" if choices else f"{option.help.removesuffix('.')}."  # which names the choices of the command line
             if key == runs.KNOWLEDGE:
                 choices = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
                 help = "A result of the same truck: begin with the information of its logs."
@@ -241,8 +242,9 @@ class _Settings:
             if not switch:
                 ui.label(label)
             field = make(self._value(key, default))
-            ui.label(help).classes("text-caption")
-        field.props["aria-label"] = label if switch else f"{label}. {help}"
+            if help:
+                ui.label(help).classes("text-caption")
+        field.props["aria-label"] = label if switch else f"{label}. {help}".rstrip()
         if not switch:
             field.classes("w-full").props("dense outlined")
 
@@ -356,20 +358,20 @@ def _ended(workspace: Workspace, job: jobs.Job) -> None:
 
 
 def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
-    layout.heading("Report")
     with ui.row().classes("items-center"):
         select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
+        take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
+        take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
+    documents.show_report(chosen)
+    with ui.row().classes("items-center"):
         ui.link("Open in a new tab", documents.file_address(chosen, "report.html"), new_tab=True)
         for file in documents.DATA:
             if (workspace.run(chosen) / file).is_file():
                 ui.link(file, documents.file_address(chosen, file))
-        take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
-        take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
         rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
         rename.props["aria-label"] = f"Rename {printable(chosen)}"
         _delete_button(workspace, chosen)
-    documents.show_report(chosen)
 
 
 def _delete_button(workspace: Workspace, name: str) -> None:

@@ -9,13 +9,14 @@ import numpy as np
 from nicegui import events, run, ui
 
 from fifthwheel.apps.app import documents, jobs, layout, runs
-from fifthwheel.apps.app.workspace import Workspace
+from fifthwheel.apps.app.workspace import VEHICLE, Workspace
 from fifthwheel.base.errors import printable
 from fifthwheel.base.pages.html import COURSE_POINTS, course
 from fifthwheel.base.plots import Axis, Line, Panel, Plot, Span
 from fifthwheel.base.types import Array
-from fifthwheel.data.logs.propose import ColumnContent, LogSurvey
+from fifthwheel.data.logs.row_time import find_row_time
 from fifthwheel.data.logs.stored import StoredLog
+from fifthwheel.data.logs.survey import ColumnContent, LogSurvey
 from fifthwheel.results.report.logs import column_cells
 
 ROWS = 25
@@ -30,6 +31,8 @@ _INSTANT = ".3f"
 """Form of an instant in a field, s."""
 _PANEL = 130
 """Height of the plot of a channel, pixels."""
+SPIKES = " (spikes outside the axis: double-click shows them)"
+"""Behind the title of a plot."""
 _EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
 
@@ -48,8 +51,8 @@ class _Page:
 
     def build(self) -> None:
         ui.label(
-            "Drop logs here: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces; DBC and ARXML files decode CAN frames. "
-            f"They are copied to {self.workspace.folder}."
+            "Drop logs here: CSV, Excel, Parquet, MF4, MATLAB, TDMS, MCAP, ULog or CAN traces; DBC and ARXML "
+            f"files decode CAN frames. They are copied to {self.workspace.folder}."
         )
         upload = ui.upload(multiple=True, auto_upload=True, label="Drop files, or pick them with +")
         upload.classes("w-full").props('aria-label="Drop files, or pick them"')
@@ -79,6 +82,10 @@ class _Page:
             layout.say(f"{printable(event.file.name)}: kept as {path.name}")
         self.refresh()
 
+    async def _try_example(self) -> None:
+        await jobs.compute(runs.write_example, self.workspace.folder)
+        self.refresh()
+
     def _chosen(self) -> str | None:
         """The log of the address, else the first that has been read."""
         known = [path.name for path in self.workspace.logs() if runs.is_stored(self.workspace, path.name)]
@@ -93,6 +100,8 @@ class _Page:
         logs = [path.name for path in self.workspace.logs()]
         if not logs:
             ui.label("No log yet.")
+            if self.workspace.read(VEHICLE) is None:
+                ui.button("Try it with an example log and truck", on_click=self._try_example).props("outline no-caps")
             return
         _read_next(self.workspace, logs)
         self._leave_out_unreadable(logs)
@@ -195,8 +204,8 @@ def _key(name: str) -> str:
     return f"read {name}"
 
 
-_Course = tuple[Array, Array]
-"""Time (n,) s and values (n,) to draw."""
+_Course = tuple[Array, Array, tuple[float, float] | None]
+"""Time (n,) s and values (n,) to draw, and the range of the axis if spikes are outside of it."""
 
 
 def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
@@ -205,7 +214,7 @@ def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
     layout.heading(name)
     for note in survey.notes:
         ui.label(note)
-    times = log.row_time
+    times = find_row_time(log)
     shown = [column for column in drawn if column in log.columns][:MOST]
     shown = shown or [n for n, c in survey.contents.items() if c.alive and n != times and c.sigma > 0][:FIRST]
     view = _View(workspace, name, log, shown)
@@ -277,19 +286,19 @@ class _View:
         self._plot.update_figure(figure)
 
     def _described(self, lines: Sequence[_Course]) -> Plot:
-        empty = (np.array([np.nan]), np.array([np.nan]))
+        empty = (np.array([np.nan]), np.array([np.nan]), None)
         spans = [Span(*self._relative(window)) for window in self._excluded()]
         at = f" after {datetime.fromtimestamp(self._origin, UTC):%Y-%m-%d %H:%M:%S} UTC" if self._origin else ""
         panels = [
             Panel(
-                title=layout.plain(column),
+                title=layout.plain(column) + SPIKES * (visible is not None),
                 items=[Line(time - self._origin, values, gaps=False), *spans],
                 x=Axis(label=f"time{at}", unit="s"),
-                y=Axis(unit=layout.plain(self._log.columns[column].unit or "")),
+                y=Axis(unit=layout.plain(self._log.columns[column].unit or ""), range=visible),
             )
-            for column, (time, values) in zip(self._shown, lines or [empty] * len(self._shown), strict=True)
+            for column, (time, values, visible) in zip(self._shown, lines or [empty] * len(self._shown), strict=True)
         ]
-        nothing = Panel(items=[Line(*empty)], title="tick channels in the table")
+        nothing = Panel(items=[Line(*empty[:2])], title="tick channels in the table")
         return Plot(panels=panels or [nothing])
 
     def _height(self) -> int:
@@ -318,7 +327,7 @@ class _View:
 
     async def _on_zoom(self, event: events.GenericEventArguments) -> None:
         window = documents.zoomed(event)
-        if window is None:
+        if window is None and self._range != self._whole:  # else plotly.js shows the spikes too
             await self._show(self._whole)
         elif window:
             await self._show((window[0] + self._origin, window[1] + self._origin))
@@ -364,7 +373,7 @@ class _View:
 
 
 def _read(log: StoredLog, names: Sequence[str], start: float, stop: float) -> list[_Course]:
-    return [log.window(name, start, stop) for name in names]
+    return [(*log.window(name, start, stop), log.range_without_spikes(name, start, stop)) for name in names]
 
 
 def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callable[[Sequence[str]], object]) -> None:

@@ -1,5 +1,6 @@
 """The signal map, with what the truck's kinematics predict for each signal."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,16 +13,21 @@ from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
-from fifthwheel.data.checks import Finding
+from fifthwheel.data.channels.sensors import fitting_classes
+from fifthwheel.data.checks import Fault, Finding
+from fifthwheel.data.checks.findings import uncertain_delay, warning
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.map_text import with_channel, without_channel
 from fifthwheel.data.logs.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
 from fifthwheel.estimate.time_bases.evidence import ChannelEvidence, SignalEvidence
+from fifthwheel.estimate.time_bases.offsets import TimeOffset
 from fifthwheel.truck import Vehicle
 
 HEIGHT = 170
 """Height of the plot of a signal, pixels."""
+_TEXTS = ("gain", "delay")
+"""Keys whose fields are texts with an uncertainty."""
 _WAIT = 500
 """ms after the last key before a field counts."""
 
@@ -162,25 +168,21 @@ class _Page:
     def _findings(self) -> None:
         if self.error:
             layout.failure(self.error)
-        findings = self.evidence.findings if self.evidence is not None else ()
+        if self.evidence is None:
+            return
+        signal_map, findings = self.workspace.signal_map(), self.evidence.findings
+        missing, doubtful = objections(self.evidence, signal_map, self.workspace.vehicle())
+        lines: list[tuple[str, str]] = [(f.severity, f.message) for f in findings if f.signal not in signal_map.signals]
+        lines += [("warning", text) for text in missing]
+        below = dict.fromkeys([f.signal for f in findings if f.signal in signal_map.signals] + doubtful)
+        if below:
+            lines.append(("warning", f"See below: {', '.join(below)}."))
+        if not lines and any(channel.explained is not None for channel in self.evidence.channels.values()):
+            lines = [("good", "Nothing speaks against the map.")]
         with ui.element("ul").props('aria-label="Findings" aria-live=polite'):
-            for finding in findings:
-                with ui.element("li"), ui.row().classes("items-center no-wrap"):
-                    layout.finding(finding.severity, finding.message)
-                    if finding.remedy and finding.signal in self.workspace.signal_map().signals:
-                        button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
-                        button.props["aria-label"] = f"Mend {finding.signal}"
-            if self.evidence is not None:
-                against = objections(self.evidence, self.workspace.signal_map(), self.workspace.vehicle())
-                for text in against:
-                    with ui.element("li"):
-                        layout.finding("warning", text)
-                if not findings and not against:
-                    with ui.element("li"):
-                        if any(channel.explained is not None for channel in self.evidence.channels.values()):
-                            layout.finding("good", "Nothing speaks against the map.")
-                        else:
-                            layout.finding("warning", "No signal can be compared with a prediction.")
+            for severity, text in lines or [("warning", "No signal can be compared with a prediction.")]:
+                with ui.element("li"):
+                    layout.finding(severity, text)
 
     @ui.refreshable_method
     def _rows(self) -> None:
@@ -197,12 +199,15 @@ class _Page:
             ui.label(f"For comparison only: {', '.join(signal_map.reference)}")
 
     def _row(self, signal: str, channel: SignalSource) -> None:
-        with ui.element("section").classes("w-full") as section:
+        with ui.element("section").classes("fw-signal w-full") as section:
             section.props["aria-label"] = signal
             section.visible = layout.contains(signal, self._found)
             self._sections[signal] = section
-            layout.heading(signal)
-            with ui.row().classes("items-end w-full"):
+            with ui.row().classes("items-center"):
+                layout.heading(signal)
+                more = ui.button("More", on_click=partial(_unfold, section)).props("flat dense no-caps")
+                more.classes("fw-more").props["aria-label"] = f"Plot and keys of {signal}"
+            with ui.row().classes("items-start w-full fw-folded"):
                 fields: dict[str, Any] = {}
                 if channel.column is not None:
                     fields["column"] = self._column(signal, channel)
@@ -213,25 +218,36 @@ class _Page:
                 fields["sign"] = ui.toggle({1: "+", -1: "−"}, value=channel.sign).props("dense")
                 fields["sign"].props["aria-label"] = f"Sign of {signal}"
                 fields["sign"].on_value_change(lambda event: self._changed(signal, "sign", event.value))
-                for key, label, value in (("gain", "Gain", channel.gain), ("delay", "Delay, s", float(channel.delay))):
-                    fields[key] = layout.number_field(label, value, partial(self._set, signal, key))
-                    fields[key].on("blur", lambda: self._show_file(signal) if self._refusals[signal].text else None)
-                    fields[key].props(f"debounce={_WAIT}")
-                for key in ("unit", "gain", "delay"):
-                    fields[key].props("dense").classes("w-24").props["aria-label"] = f"{key.capitalize()} of {signal}"
+                for key, label, example in (("gain", "Gain", "0.05 +- 2 %"), ("delay", "Delay, s", "0.28 s +- 50 ms")):
+                    field = fields[key] = ui.input(label, value=channel.text_of(key), placeholder=example)
+                    field.on_value_change(lambda event, key=key: self._typed(signal, key, event.value))
+                    field.on("blur", partial(self._left, signal, field)).props(f"debounce={_WAIT}")
+                if classes := fitting_classes(SignalName.of(signal).quantity):
+                    fields["sensor"] = ui.select(
+                        {"": "usual", **{name: name for name in classes}}, label="Sensor class"
+                    )
+                    fields["sensor"].value = channel.sensor
+                    fields["sensor"].on_value_change(lambda event: self._changed(signal, "sensor", event.value))
+                fields["clock"] = ui.input("Logger", value=channel.clock or "", placeholder="that of the others")
+                fields["clock"].on("change", lambda: self._changed(signal, "clock", fields["clock"].value or None))
+                for key in fields.keys() - {"column", "sign"}:
+                    width = "w-20" if key == "unit" else "w-36"
+                    fields[key].props("dense").classes(width).props["aria-label"] = f"{key.capitalize()} of {signal}"
                 self._fields[signal] = fields
                 button = ui.button("Remove", on_click=partial(self.remove, signal)).props("flat dense no-caps")
                 button.props["aria-label"] = f"Remove {signal}"
             self._refusals[signal] = layout.failure("")
             self._refusals[signal].bind_visibility_from(self._refusals[signal], "text", bool)
-            self._course(signal)
+            with ui.element("div").classes("fw-folded w-full"):
+                self._course(signal)
             self._verdict(signal)
 
     def _shown(self, signal: str, channel: SignalSource) -> dict[str, Any]:
         """What the fields of a signal show of the file."""
         unit = channel.unit or self._unit_in_log(channel) or si_unit(signal) or ""
-        numbers = {key: layout.shown_number(float(getattr(channel, key))) for key in ("gain", "delay")}
-        return {"column": channel.column, "unit": unit, "sign": channel.sign, **numbers}
+        texts = {key: channel.text_of(key) for key in _TEXTS}
+        own = {"sensor": channel.sensor, "clock": channel.clock or ""}
+        return {"column": channel.column, "unit": unit, "sign": channel.sign, **texts, **own}
 
     def _show_file(self, signal: str) -> None:
         shown = self._shown(signal, self.workspace.signal_map().signals[signal])
@@ -257,9 +273,30 @@ class _Page:
         if self._refusals[signal].text:
             self._show_file(signal)
 
+    def _left(self, signal: str, field: ui.input) -> None:
+        """A number has a decimal point when its field is left; after a refusal it is that of the file."""
+        if self._refusals[signal].text:
+            self._show_file(signal)
+        else:
+            field.set_value(layout.with_decimal_points(field.value or ""))
+
+    async def _typed(self, signal: str, key: str, text: str | None) -> None:
+        """A number, or a text with its unit and "+-", is in a field."""
+        plain = layout.with_decimal_points((text or "").strip())
+        known = self.workspace.signal_map().signals[signal].text_of(key)
+        if plain == known:
+            return
+        try:
+            number = None if set(plain) & set("±%s") or "+-" in plain else layout.typed_number(plain)
+            value = number if plain and number is not None and "+-" not in known else plain or None
+        except FifthwheelError as refusal:
+            self._refusals[signal].text = str(refusal)
+            return
+        await self._set(signal, key, value)
+
     async def _set(self, signal: str, key: str, value: Any) -> None:
         """Change a key of a signal; a refusal is shown in its row until the next change."""
-        if value == getattr(self.workspace.signal_map().signals[signal], key):
+        if value == getattr(self.workspace.signal_map().signals[signal], key) and key not in _TEXTS:
             return
         refusal = self._refusals[signal]
         refusal.text = ""
@@ -293,8 +330,15 @@ class _Page:
         if self.evidence is None:
             return
         for finding in self.evidence.findings:
-            if signal in (finding.signal, *finding.others):
-                layout.finding(finding.severity, finding.message)
+            if signal == finding.signal:
+                with ui.row().classes("items-center no-wrap"):
+                    layout.finding(finding.severity, finding.message)
+                    if "delay" in finding.remedy:
+                        together = dict.fromkeys([*finding.others, *self._late_with(self.evidence, signal)])
+                        finding = replace(finding, others=tuple(name for name in together if name != signal))
+                    if finding.remedy:
+                        button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
+                        button.props["aria-label"] = f"Mend {signal}"
         channel = self.evidence.channels.get(signal)
         mapped = self.workspace.signal_map().signals.get(signal)
         if channel is None or mapped is None:
@@ -305,12 +349,30 @@ class _Page:
             if channel.is_inverted:
                 button = ui.button("Invert", on_click=partial(self.set_and_show, signal, sign=-mapped.sign))
                 button.props("outline dense no-caps").props["aria-label"] = f"Invert {signal}"
-            if channel.offset is not None and abs(channel.offset.offset) > 2 * channel.offset.sigma:
-                late = channel.offset.offset
-                delay = round(float(mapped.delay) + late, 3)
-                button = ui.button(f"Correct by {late:.2f} s", on_click=partial(self.set_and_show, signal, delay=delay))
-                label = f"Correct the delay of {signal} by {late:.2f} s"
-                button.props("outline dense no-caps").props["aria-label"] = label
+            late = self._late_with(self.evidence, signal)
+            known = any("delay" in f.remedy and {f.signal, *f.others} & late.keys() for f in self.evidence.findings)
+            if signal == next(iter(late), None) and not known:
+                weights = [offset.sigma**-2 for offset in late.values()]
+                mean = sum(w * o.offset for w, o in zip(weights, late.values(), strict=True)) / sum(weights)
+                found = warning(signal, Fault.TIME_OFFSET, "late", remedy={"delay": mean}, sigma=sum(weights) ** -0.5)
+                mend = partial(self.mend, replace(found, others=tuple(late)[1:]))
+                button = ui.button(f"Correct by {mean:.2f} s", on_click=mend).props("outline dense no-caps")
+                label = f"Correct the delay of {' and '.join(late)} by {mean:.2f} s"
+                button.tooltip(label).props["aria-label"] = label
+
+    def _late_with(self, evidence: SignalEvidence, signal: str) -> dict[str, TimeOffset]:
+        """The late signals of the logger of a signal; a unit has one logger if the map does not name others."""
+        signals = self.workspace.signal_map().signals
+
+        def logger(name: str) -> str | None:
+            return signals[name].clock or SignalName.of(name).unit
+
+        return {
+            name: channel.offset
+            for name, channel in evidence.channels.items()
+            if name in signals and logger(name) == logger(signal)
+            if channel.offset is not None and abs(channel.offset.offset) > 2 * channel.offset.sigma
+        }
 
     def _save(self) -> None:
         text = self.workspace.read(SIGNALS)
@@ -318,26 +380,34 @@ class _Page:
             ui.download.content(text, SIGNALS)
 
 
+def _unfold(section: ui.element) -> None:
+    """Show or hide plot and keys of a signal on a narrow screen."""
+    section.classes(toggle="fw-unfolded")
+    ui.run_javascript("dispatchEvent(new Event('resize'))")  # of the plot
+
+
 def _remedy(finding: Finding, channel: Any) -> dict[str, Any]:
     """Keys that remove a fault: a sign and a delay are relative to those that the channel has."""
     keys = dict(finding.remedy)
     if channel is not None and "delay" in keys:
-        keys["delay"] = round(float(channel.delay) + float(keys["delay"]), 3)
+        delay = float(channel.delay) + float(keys["delay"])
+        is_stated = "+-" in channel.text_of("delay")  # its sigma stays
+        keys["delay"] = round(delay, 3) if is_stated else uncertain_delay(delay, finding.sigma or 0.0)
     if channel is not None and "sign" in keys:
         keys["sign"] = -channel.sign
     return keys
 
 
-def objections(evidence: SignalEvidence, signal_map: SignalMap, truck: Vehicle | None) -> list[str]:
-    """What speaks against a map besides the findings: missing signals, and what the predictions say of each signal."""
+def objections(evidence: SignalEvidence, signal_map: SignalMap, truck: Vehicle | None) -> tuple[list[str], list[str]]:
+    """What speaks against a map besides the findings: what is missing, and the signals that predictions contradict."""
     units = ("tractor", "semitrailer") if truck is None else [unit.name for unit in truck.units]
     reported = {name for finding in evidence.findings for name in (finding.signal, *finding.others)}
-    doubtful = {
-        name: channel
+    doubtful = [
+        name
         for name, channel in evidence.channels.items()
         if name not in reported and (channel.is_inverted or channel.is_late or channel.is_scaled)
-    }
-    return missing_signals(signal_map, units) + [f"{name}: {_words(channel)}" for name, channel in doubtful.items()]
+    ]
+    return missing_signals(signal_map, units), doubtful
 
 
 def _words(channel: ChannelEvidence) -> str:

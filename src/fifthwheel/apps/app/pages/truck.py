@@ -21,6 +21,8 @@ from fifthwheel.truck.weighing import unusual_masses
 
 DESCRIBED = "described"
 """Of the element with the drawing, to which the questions refer."""
+DETAILS = ("fifth_wheel_height", "load_height", "load_width", "floor_height", "load_shape", "trailer_tyres")
+"""Questions that are folded away below the others."""
 UNKNOWN = ""
 """The answer of a question that is left open."""
 _BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTIONS}
@@ -38,18 +40,19 @@ def build(workspace: Workspace) -> None:
                 _draw(current)
                 for warning in unusual_masses(current):
                     layout.failure(warning)
-                _numbers(current)
+                with ui.expansion("Handling").classes("w-full"):
+                    _numbers(current)
                 _assumed(current)
         with ui.element("section").classes("fw-form").props(f'aria-label="Questions" aria-details={DESCRIBED}'):
-            layout.heading("Describe a tractor and its semitrailer")
-            ui.label(
-                "Answer what you know, with a unit and how well you know it, such as 7.7 m +- 2 cm. Leave the rest "
-                "open: published vehicles give the missing numbers, with their uncertainty. * needed"
-            )
-            state(workspace)
-            _questions(workspace)
+            asked = current is None or _new_text(workspace) not in (None, workspace.read(VEHICLE))
+            with ui.expansion("Describe a tractor and its semitrailer", value=asked).classes("w-full"):
+                ui.label(
+                    "Answer what you know, with a unit and how well you know it, such as 7.7 m +- 2 cm. Leave the rest "
+                    "open: published vehicles give the missing numbers, with their uncertainty. * needed"
+                )
+                state(workspace)
+                _questions(workspace)
         with ui.element("section").classes("fw-preview").props(f'aria-label="Described truck" id={DESCRIBED}'):
-            layout.heading("Described truck")
             preview(workspace)
 
 
@@ -104,13 +107,13 @@ def _numbers(vehicle: Vehicle) -> None:
 
 def _assumed(vehicle: Vehicle) -> None:
     """The numbers that the vehicle file leaves to classes; their effects take some seconds."""
-    layout.heading("Assumed numbers")
     if not vehicle.assumed:
         ui.label(NOTHING_ASSUMED)
         return
-    place = ui.column().classes("w-full")
+    with ui.expansion(f"{len(vehicle.assumed)} assumed numbers").classes("w-full"):
+        place = ui.column().classes("w-full")
     with place:
-        ui.label(f"{len(vehicle.assumed)} numbers are assumed. Their effects are computed.")
+        ui.label("Their effects are computed.")
 
     async def show() -> None:
         numbers = await jobs.compute(assumed_numbers, vehicle)
@@ -142,8 +145,13 @@ def _questions(workspace: Workspace) -> None:
             rows[question.key].visible = _applies(question, answers)
 
     answers = _valid(workspace.choices().truck)
+    details = [question.key for question in QUESTIONS if question.key in DETAILS]
     for question in QUESTIONS:
-        rows[question.key] = _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
+        if question.key not in details:
+            rows[question.key] = _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
+    with ui.expansion("Heights, load and tyres", value=any(key in answers for key in details)).classes("w-full"):
+        for key in details:
+            rows[key] = _field(_BY_KEY[key], answers.get(key, UNKNOWN), partial(keep, _BY_KEY[key]))
     show_needed(answers)
 
 
@@ -182,26 +190,27 @@ def state(workspace: Workspace) -> None:
 @ui.refreshable
 def preview(workspace: Workspace) -> None:
     """The drawing of the truck that the answers describe, and the button that takes it, if they are complete."""
-    given = _valid(workspace.choices().truck)
-    text, described = "", None
-    if not any(_open_questions(given)):
-        with suppress(VehicleError):  # `state` shows it
-            text = _described(given)
-            described = Vehicle.loads(text)
-    if described is None:
-        ui.label("The answers do not describe a truck yet.")
-        ui.button("Use this truck", icon="check").props("no-caps").disable()
+    text = _new_text(workspace)
+    if text is None or text == workspace.read(VEHICLE):  # which is drawn already
+        if text is None and workspace.choices().truck:
+            ui.button("Use this truck", icon="check").props("no-caps").disable()
         return
 
     def take() -> None:
         workspace.write({VEHICLE: text}, "describe the truck")
         layout.reload()
 
-    _draw(described)
-    button = ui.button("Use this truck", icon="check", on_click=take).props("no-caps")
-    if text == workspace.read(VEHICLE):
-        button.disable()
-        ui.label("The vehicle file has these numbers.")
+    layout.heading("Described truck")
+    _draw(Vehicle.loads(text))
+    ui.button("Use this truck", icon="check", on_click=take).props("no-caps")
+
+
+def _new_text(workspace: Workspace) -> str | None:
+    """The vehicle file that the answers describe; None if they do not describe one."""
+    given = _valid(workspace.choices().truck)
+    with suppress(VehicleError):  # `state` shows it
+        return None if any(_open_questions(given)) else _described(given)
+    return None
 
 
 def _valid(answers: Mapping[str, str]) -> dict[str, str]:
@@ -232,7 +241,7 @@ def _error(question: Question, text: str) -> str | None:
 
 
 def _field(question: Question, answer: str, keep: Any) -> ui.element:
-    with ui.element("div").classes("fw-question") as row:
+    with ui.element("div").classes("fw-question w-full") as row:
         ui.label(question.text + (" *" if question.required else ""))
         field: ui.select | ui.input
         if question.choices:
@@ -241,7 +250,7 @@ def _field(question: Question, answer: str, keep: Any) -> ui.element:
         else:
             field = ui.input(value=answer, placeholder=question.example, validation=partial(_error, question))
             field.on("change", lambda: keep(field.value))
-        field.classes("w-full").props("dense outlined")
+        field.classes("w-full").props("dense outlined hide-bottom-space")
         field.props["aria-label"] = question.text
         if question.required:
             field.props["aria-required"] = "true"
