@@ -22,6 +22,7 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.identify import OneStage, doubts
 from fifthwheel.estimate.identify.doubts import PriorTest
 from fifthwheel.estimate.identify.one_stage import causes, identify
+from fifthwheel.estimate.identify.one_stage.doubts import find_doubts
 from fifthwheel.estimate.identify.unknowns import unknown
 from trust_runs import table
 
@@ -89,7 +90,7 @@ class Decisions:
 
     def _decide(self, label: str, solution: Any, tests: Sequence[PriorTest]) -> causes.Causes:
         found = causes.likely_causes(solution, tests)
-        doubtful = causes.find_doubts(solution, found.likely, found.left)
+        doubtful = find_doubts(solution, found.likely, found.left)
         estimates = tuple(sorted({name for doubt in doubtful for name in doubt.parameters}))
         self.by_label[label] = found.likely[0].name if found.likely else "", estimates
         return found

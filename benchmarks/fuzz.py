@@ -3,7 +3,7 @@
     python benchmarks/fuzz.py                        # all kinds, about 20 minutes of CPU
     python benchmarks/fuzz.py --seconds 20 drive.csv signals.toml
     python benchmarks/fuzz.py --seed 7 --keep found  # keep the files that gave a foreign exception or blocked
-    python benchmarks/fuzz.py --files 700 --seconds 10 --every 13  # what a slow test reads
+    python benchmarks/fuzz.py --files 12 --every 151  # what a slow test reads
 
 A valid file is damaged by flipped bits, cuts, moved, repeated and zeroed blocks, extreme numbers and, in text, words of
 other kinds. A log is read as a record; every tenth is also surveyed, and the map proposed for it is read again. Hostile

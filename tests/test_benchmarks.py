@@ -16,6 +16,8 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.base.types import Array
 
+pytestmark = pytest.mark.slow
+
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 CARLA = Path(os.environ.get("FIFTHWHEEL_DATA", FOLDER.parents[1] / "shared" / "data")) / "carla"
 
@@ -46,7 +48,6 @@ def test_every_corruption_alters_one_input() -> None:
     assert numbers[True] >= 40
 
 
-@pytest.mark.slow
 def test_outcomes_of_corruptions() -> None:
     """One corruption for each outcome."""
     expected = {
@@ -110,7 +111,6 @@ def test_identifications_predict_other_logs_of_carla(carla: str) -> None:
     assert (other[:, [7, 10]] >= 80).all()  # 84 to 100 % in 90 % intervals, though the truck is not that of the model
 
 
-@pytest.mark.slow
 def test_every_log_in_a_folder_is_a_row(tmp_path: Path) -> None:
     """One with a map beside it, one that is empty, and a file that is no log."""
     (tmp_path / "logs" / "day").mkdir(parents=True)
@@ -127,7 +127,7 @@ def test_every_log_in_a_folder_is_a_row(tmp_path: Path) -> None:
     assert lines[-1].startswith("2 logs, 1 with an error")
     text = (out / "table.md").read_text(encoding="utf-8")
     assert "| b.mf4 | error: empty, 0 bytes; the log was never written |" in text
-    assert re.search(r"\| day/a.csv \| .* kN/rad, converged \| .*yaw_rate.tractor 0\.\d+ deg/s \(9\d %", text)
+    assert re.search(r"\| day/a.csv \| .* kN/rad, converged \| .*yaw_rate.tractor 0\.\d+ deg/s \((9\d|100) %", text)
     assert "Not read, by their endings: notes.md." in text
     bad, good = csv.DictReader((out / "table.csv").read_text(encoding="utf-8").splitlines())
     stiffness = "semitrailer.cornering_stiffness"
@@ -136,7 +136,6 @@ def test_every_log_in_a_folder_is_a_row(tmp_path: Path) -> None:
     assert (bad["log"], bad["verdict"], bad[stiffness]) == ("b.mf4", "error", "")
 
 
-@pytest.mark.slow
 def test_the_mass_of_the_nonlinear_truck() -> None:
     """Two minutes are enough for 15 %; the limit detects a lost coupling, and states nothing about quality."""
     lines = printed("mass.py", "--nonlinear", "--seeds", "1", "--minutes", "2", "--cases", "1")
@@ -145,21 +144,10 @@ def test_the_mass_of_the_nonlinear_truck() -> None:
     assert 1 < sigma < 15
 
 
-@pytest.mark.slow
-def test_articulation_from_tractor_signals(tmp_path: Path) -> None:
-    """One seed: a line for each case, in the file as printed."""
-    arguments = ["--seeds", "1", "--minutes", "1", "--jobs", "1", "--only", "careful", "-o", tmp_path / "a.md"]
-    _, *rows = printed("articulation.py", *map(str, arguments))
-    assert [row.split("|")[2].strip() for row in rows] == ["0.5", "0.5", "1.5"]
-    assert all(0 < float(row.split("|")[3]) < 3 for row in rows)
-    assert "\n".join(rows) in (tmp_path / "a.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
 def test_damaged_and_hostile_files_are_read_or_refused() -> None:
-    """A sixtieth of what `benchmarks/fuzz.py` reads in a long run."""
-    heads, *lines = printed("fuzz.py", "--files", "200", "--seconds", "3", "--every", "37", "--seed", "5")
+    """A small part of what `benchmarks/fuzz.py` reads in a long run."""
+    heads, *lines = printed("fuzz.py", "--files", "12", "--every", "151", "--seed", "5")
     assert heads.split()[-2:] == ["foreign", "hang"]
     counts = np.array([line.split()[-9:] for line in lines], dtype=int)
-    assert counts[:, 0].sum() > 1000
+    assert counts[:, 0].sum() > 200
     assert not counts[:, -2:].any(), lines

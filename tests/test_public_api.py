@@ -57,6 +57,7 @@ def test_an_unknown_name_is_an_attribute_error():
         fw.idnetify  # noqa: B018
 
 
+@pytest.mark.slow
 def test_the_main_functions_are_functions():
     """Whatever else was imported before; so no package has their names."""
     names = ("assess", "evaluate", "identify", "simulate", "vehicle")

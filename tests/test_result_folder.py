@@ -79,6 +79,7 @@ def contents(folder: Path) -> dict[str, str]:
     return {name: path.read_text() for name, path in files.items() if name != MANIFEST}
 
 
+@pytest.mark.slow
 def test_a_run_killed_at_any_step_leaves_the_old_or_the_new_results(killed: list[Path], tmp_path: Path) -> None:
     outcomes = []
     for source in killed:

@@ -30,6 +30,7 @@ def lane_change(seed: int = 1) -> Record:
     return Record(time=record.time, signals=signals, name="lane change")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     "settings", [ObserverSettings(), ObserverSettings(bank=0.0, steer_offset=0.0)], ids=["uncertain", "exact"]

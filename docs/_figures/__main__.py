@@ -1,4 +1,7 @@
-"""`python docs/_figures` draws all figures outside the gallery into docs/_static."""
+"""The build of the site, or `python docs/_figures`, draws all figures outside the gallery into docs/_static.
+
+Only vehicle_model.svg is kept, because the README shows it.
+"""
 
 from pathlib import Path
 
