@@ -19,7 +19,7 @@ from fifthwheel.apps.fleet.tables import SCHEMAS, Rows
 from fifthwheel.apps.fleet.trips import TripJob, TripOutcome, log_knowledge
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import EARLIEST_DATE
+from fifthwheel.data.record.timestamps import DATES
 from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
 from tests.apps.fleet.make import DRIVE, FAST, OTHER, TRUCK, make_fleet, write_manifest
 
@@ -141,7 +141,7 @@ def test_the_date_of_a_log(tmp_path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("")
     os.utime(path, (1.7e9, 1.7e9))
-    for first, expected in ((1.75e9, 1.75e9), (EARLIEST_DATE, EARLIEST_DATE), (EARLIEST_DATE - 1, 1.7e9), (0.0, 1.7e9)):
+    for first, expected in ((1.75e9, 1.75e9), (DATES[0], DATES[0]), (DATES[0] - 1, 1.7e9), (0.0, 1.7e9)):
         record = Record(time=[first, first + 1], signals={"speed": [20.0, 20.0]})
         assert trips._date(record, str(path)) == datetime.datetime.fromtimestamp(expected, datetime.UTC)
 

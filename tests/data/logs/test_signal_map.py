@@ -225,7 +225,7 @@ def test_spikes_of_all_signals_are_missing(tmp_path):
 def test_a_time_since_1970_is_shifted(tmp_path):
     record = read_table(tmp_path, "[signals]\nspeed = 'v'", t=[1.5e9 + 0.25 + x for x in T], v=T)
     assert record.span == pytest.approx((0.25, 10.15))
-    assert record.notes == ("time begins at 2017-07-14 02:40:00 UTC, shifted to 0",)
+    assert record.notes == ("time begins at 2017-07-14 02:40:00.000 UTC, shifted to 0",)
     assert record.date == datetime(2017, 7, 14, 2, 40, tzinfo=UTC)
     assert record.started == record.date + timedelta(seconds=float(record.time[0]))
 

@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterator
 
 from fifthwheel.data.logs.can.database import Frame
+from fifthwheel.data.record.timestamps import DATES
 
-MIN_EPOCH = 1e8
-"""s; a time that begins later counts from 1970, and the node's time then starts near 0, as that of a log does."""
 MAX_LATE = 0.02
 """s; a frame that is further behind the newest one is not out of order, but of another time."""
 MAX_GAP = 1.0
@@ -47,8 +46,8 @@ class TimeBase:
         self._clocks: dict[int, _Clock] = {}
 
     def start(self, time: float) -> None:
-        """Choose the origin for a first time of the bus, s."""
-        self.origin = math.floor(time) if time > MIN_EPOCH else 0.0
+        """Choose the origin for a first time of the bus, s: the node's time starts near 0, as that of a log does."""
+        self.origin = math.floor(time) if time >= DATES[0] else 0.0
 
     def advance(self, time: float) -> None:
         """The node's time is at least this, s, also without a frame."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -19,16 +18,18 @@ from fifthwheel.data.logs.row_time import RowTime, find_row_time
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
 from fifthwheel.data.record.full_turns import Unwrapped
-from fifthwheel.data.record.record import EARLIEST_DATE, Record
+from fifthwheel.data.record.record import Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.data.record.timestamps import (
-    MIN_EPOCH,
+    DATES,
     SLOWEST_SPEED,
     HeldSamples,
     Renewals,
     RepeatedTimestamps,
     implausible_timestamps,
+    instant,
     typical_step,
+    utc_date,
 )
 
 Window = tuple[float, float]
@@ -106,9 +107,9 @@ def assemble(
         notes += of_samples
     time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
     origin = log.start
-    if time[0] > MIN_EPOCH:
+    if time[0] >= DATES[0]:
         origin = start = float(np.floor(time[0]))
-        notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
+        notes.append(f"time begins at {instant(start)}, shifted to 0")
         time = time - start
     record = Record(
         time=time,
@@ -118,7 +119,7 @@ def assemble(
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
         sensors=_sensors(log, signal_map.signals),
-        date=None if origin is None or origin < EARLIEST_DATE else datetime.fromtimestamp(origin, UTC),
+        date=None if origin is None else utc_date(origin),
     )
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
@@ -372,7 +373,7 @@ def _samples(
     present = np.flatnonzero(np.isfinite(values))
     spiky = spike_mask(signal, first.time[present], values[present])
     if spiky.any():
-        start = np.floor(first.time[0]) if first.time[0] > MIN_EPOCH else 0.0
+        start = np.floor(first.time[0]) if first.time[0] >= DATES[0] else 0.0
         notes.append(f"{signal}: {spike_note(signal, first.time[present] - start, values[present], spiky)}")
         values = values.copy()
         values[present[spiky]] = np.nan

@@ -177,13 +177,13 @@ class _Search:
 
     def _descend(self, at: tuple[int, ...]) -> None:
         while True:
-            moves = [
+            moves = (
                 (*at[:k], number, *at[k + 1 :])
                 for k, name in enumerate(self.names)
                 for number in range(len(self.options[name]))
-            ]
-            best = min(moves, key=self._cost)
-            if self._cost(best) >= self._cost(at):
+            )
+            best = min((at, *moves), key=self._cost)
+            if best == at:
                 return
             at = best
 

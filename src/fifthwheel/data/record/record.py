@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from functools import partial
 from itertools import pairwise
 from numbers import Real
@@ -18,7 +18,7 @@ from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import CHANNELS, REFERENCE, SignalName, checked_name, si_unit, split_reference
 from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.data.record.timestamps import missing_fraction, require_increasing, typical_step
+from fifthwheel.data.record.timestamps import missing_fraction, require_increasing, typical_step, utc_date
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from fifthwheel.base.plots import Plot
 
 V = TypeVar("V")
-
-EARLIEST_DATE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
-"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 
 LONGEST_GAP = 0.5
 """Of an input, s, across which it is interpolated."""
@@ -378,7 +375,7 @@ class Record(ComparedByContents):
         first = float(self.time[0])
         if self.date is not None:
             return self.date + timedelta(seconds=first)
-        return datetime.fromtimestamp(first, UTC) if first >= EARLIEST_DATE else None
+        return utc_date(first)
 
     def __repr__(self) -> str:
         names, more = list(self.signals)[:SHOWN_NAMES], len(self.signals) - SHOWN_NAMES

@@ -12,8 +12,8 @@ from fifthwheel.base.types import Array
 
 MAX_BACKWARD_STEP = 1.0
 """s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""
-MIN_EPOCH = 1e8
-"""s; a time that begins later counts from 1970."""
+DATES = datetime(1980, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp()
+"""s since 1970; times between them are dates, others count from an instant of the device."""
 _MOST_REPEATED = 0.1
 """Fraction of the rows that may repeat the timestamp of the row before with other values."""
 ENDS = 1.0
@@ -41,11 +41,15 @@ _CERTAIN_RUNS = 200
 """Runs of a piece that are enough to see that a column is not held."""
 
 
+def utc_date(time: float) -> datetime | None:
+    """The date of a time, s, that counts from 1970; None for any other."""
+    return datetime.fromtimestamp(time, UTC) if DATES[0] <= time < DATES[1] else None
+
+
 def instant(time: float) -> str:
     """A timestamp in words: the date where s count from 1970."""
-    if time < MIN_EPOCH:
-        return f"{time:.6g} s"
-    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-3]
+    date = utc_date(time)
+    return f"{date:%Y-%m-%d %H:%M:%S.%f}"[:-3] + " UTC" if date else f"{time:.6g} s"
 
 
 def is_hour(step: float) -> bool:

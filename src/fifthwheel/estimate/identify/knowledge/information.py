@@ -14,7 +14,7 @@ from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import ComparedByContents
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import EARLIEST_DATE
+from fifthwheel.data.record.timestamps import utc_date
 from fifthwheel.estimate.identify.stored import Flags, Positive, Symmetric, Vector
 from fifthwheel.estimate.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
@@ -54,9 +54,7 @@ class Occasion:
 
     def date_at(self, time: float) -> datetime.datetime:
         """The date of a sample at a time, s, if it has one; else its own, or today."""
-        if time >= EARLIEST_DATE:
-            return datetime.datetime.fromtimestamp(time, datetime.UTC)
-        return self.date or datetime.datetime.now(datetime.UTC)
+        return utc_date(time) or self.date or datetime.datetime.now(datetime.UTC)
 
 
 @dataclass(frozen=True)
