@@ -9,7 +9,8 @@ Bayes factors, JASA 1995)
 
 The logs are fitted again under each hypothesis, because a gross error, such as a trailer that is logged 0.3 s late,
 lies far beyond the range of the linear tests of priors (`identify.doubts`). These select the hypotheses that are
-fitted. The noise of the channels is that of H_0. A number stays within the range that a truck can have.
+fitted, each as long as it may become about as likely as the best one. The noise of the channels is that of H_0. A
+number stays within the range that a truck can have.
 
 A hypothesis is a cause if it is more probable than H_0. It has to explain the logs: with the noise of its own
 residuals, either the discrepancy is a small fraction of the signals, or the priors of all numbers agree with the logs:
@@ -19,7 +20,7 @@ the change of any one number would mislead. `benchmarks/constants.md` shows what
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -81,7 +82,8 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
     candidates, base, found = wrong[:MOST_HYPOTHESES], _base(solution) if wrong else solution.minimum, []
     for i, (_, test, error) in enumerate(candidates):
         progress(TITLE, i, len(candidates))
-        found.append(_fitted(base, test, error))
+        best = max((h.odds for h in found), default=0.0)
+        found.append(_fitted(base, test, error, least=max(best - ABOUT_AS_LIKELY, 0.0)))
         progress(TITLE, i + 1, len(candidates))
     found = sorted((h for h in found if h.odds > 0), key=lambda hypothesis: -hypothesis.odds)
     likely = [h for h in found if h.odds > found[0].odds - ABOUT_AS_LIKELY]
@@ -103,17 +105,18 @@ def _base(solution: Solution) -> Minimum[Problem]:
     return _fit(problem, z)
 
 
-def _fitted(base: Minimum[Problem], test: PriorTest, error: GrossError) -> _Hypothesis:
-    """The logs fitted again with a gross error of one number."""
+def _fitted(base: Minimum[Problem], test: PriorTest, error: GrossError, *, least: float) -> _Hypothesis:
+    """The logs fitted again with a gross error of one number, as long as its odds may exceed the `least`."""
     place, w = base.objective.names.index(test.name), error.size
     problem = base.objective.with_gross_error(test.name, w, RANGE)
-    linear = np.clip(base.z + test.shifts, *problem.bounds)
-    minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(base.z) else base.z, w)
-    shifts = minimum.z - base.z
-    shifts[_initial_states(problem)] = 0.0
     variance = float(np.linalg.inv(base.model.hessian)[place, place])
     occam = -math.log(w) - math.log(max(1 - (1 - 1 / w**2) * variance, 1e-12)) / 2
-    odds = error.prior_odds + base.model.cost - minimum.model.cost + occam
+    highest = error.prior_odds + base.model.cost + occam  # odds at no cost
+    linear = np.clip(base.z + test.shifts, *problem.bounds)
+    start = linear if problem.cost(linear) < problem.cost(base.z) else base.z
+    minimum = _fit(problem, start, w, hopeless=lambda cost: highest - cost < least)
+    shifts, odds = minimum.z - base.z, highest - minimum.model.cost
+    shifts[_initial_states(problem)] = 0.0
     return _Hypothesis(test=replace(test, implied=float(minimum.z[place]), shifts=shifts), minimum=minimum, odds=odds)
 
 
@@ -148,11 +151,21 @@ def _pull(minimum: Minimum[Problem]) -> float:
     return 2 * problem.prior.cost(z) / max(float(gains.sum()), 1.0)
 
 
-def _fit(problem: Problem, z: Array, widest: float = 1.0) -> Minimum[Problem]:
-    """The minimum from z; `widest` is the largest prior standard deviation, for the first steps."""
+def _fit(
+    problem: Problem, z: Array, widest: float = 1.0, hopeless: Callable[[float], bool] = lambda _: False
+) -> Minimum[Problem]:
+    """The minimum from z, unless the cost is `hopeless`; `widest` is the largest prior standard deviation."""
     lower, upper = problem.bounds
-    radius = INITIAL_RADIUS * widest
-    return minimise(problem, z, lower=lower, upper=upper, iterations=ITERATIONS, tolerance=TOLERANCE, radius=radius)
+    return minimise(
+        problem,
+        z,
+        lower=lower,
+        upper=upper,
+        iterations=ITERATIONS,
+        tolerance=TOLERANCE,
+        radius=INITIAL_RADIUS * widest,
+        hopeless=hopeless,
+    )
 
 
 def _initial_states(problem: Problem) -> list[int]:

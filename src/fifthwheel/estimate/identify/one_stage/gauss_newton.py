@@ -23,6 +23,8 @@ SMALLEST_RADIUS = 1e-9
 """The search stops when the trust region is smaller: the cost does not follow its derivatives."""
 SMALLEST_RATIO = 1e-3
 """A step is taken if the cost decreases by more than this fraction of the predicted decrease."""
+FAIR_TRIAL = 2
+"""Points that a search may accept before its cost can be hopeless."""
 LEAST_RATIO = -2.0
 """A step with a smaller ratio is not shortened along its direction: the trust region gives a better one."""
 
@@ -71,14 +73,16 @@ def minimise(
     tolerance: float = TOLERANCE,
     radius: float = INITIAL_RADIUS,
     reweighted: Callable[[ObjectiveT, Array, int], ObjectiveT] = lambda objective, *_: objective,
+    hopeless: Callable[[float], bool] = lambda _: False,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
     """Search a minimum of a cost from z (k,) within bounds (k,), by at most so many iterations.
 
     It has converged when a full step moves no unknown by more than the fraction `tolerance` of its standard deviation.
     `radius` is that of the trust region at the first step. `reweighted` gives the objective for the next step, such as
-    one with other weights, from the last one, each accepted point, and the number of points accepted. `progress` is
-    called with the number of steps done and the largest number.
+    one with other weights, from the last one, each accepted point, and the number of points accepted. After
+    `FAIR_TRIAL` points, the search stops where the cost is `hopeless` that remains after twice the predicted decrease.
+    `progress` is called with the number of steps done and the largest number.
     """
     steps, accepted, model, converged = 0, 0, objective.expand(z), False
     while steps < iterations:
@@ -90,6 +94,8 @@ def minimise(
         full_step = newton_step(z, gradient, hessian, lower, upper)
         if (np.abs(full_step) <= tolerance * _sigma(hessian, lower < upper)).all():
             converged = True
+            break
+        if accepted >= FAIR_TRIAL and hopeless(model.cost + float(gradient @ full_step)):
             break
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
         if not interior:
