@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.studies import initial_guess
 from fifthwheel.apps.studies.scenarios import simulated
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -43,9 +42,8 @@ def test_the_page_on_extensions_shows_the_examples() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tyre_laws", "actuator_lag", "optical_sensor"])
-def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
-    done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
+def test_the_page_on_extensions_shows_what_an_example_prints() -> None:
+    done = subprocess.run([sys.executable, EXAMPLES / "actuator_lag.py"], capture_output=True, text=True, check=True)
     assert done.stdout in EXTENSIONS
 
 
@@ -56,39 +54,14 @@ def test_the_posterior_in_jax() -> None:
     assert (names["gradient"] == names["density"].gradient(names["x"])).all()
 
 
-def test_both_are_estimators(example) -> None:
-    assert isinstance(example("unscented_filter").UnscentedFilter(), fw.Estimator)
-    assert isinstance(example("particle_filter").ParticleFilter(), fw.Estimator)
-
-
 @pytest.mark.slow
 def test_with_known_parameters_both_are_the_kalman_filter(example, record) -> None:
     unscented = example("unscented_filter").UnscentedFilter(prior=1e-6)(record, TRUCK).states
     particle = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, TRUCK).states
     assert unscented.keys() == particle.keys()
+    assert isinstance(example("unscented_filter").UnscentedFilter(), fw.Estimator)
     for name, values in unscented.items():
         assert particle[name] == pytest.approx(values, abs=1e-5 * np.abs(values).max() + 1e-9), name
-
-
-@pytest.mark.slow
-def test_particles_correct_the_initial_values(example) -> None:
-    record, guess = simulated(TRUCK, fw.SimulatedRun(count=1)).record(1), initial_guess(TRUCK, 1)
-    estimates = example("particle_filter").ParticleFilter()(record, guess)
-    known = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, guess)
-    true = TRUCK.parameters()
-    errors = [estimate.value / true[estimate.name] - 1 for estimate in estimates.parameters]
-    assert np.sqrt(np.mean(np.square(errors))) < 0.1  # they start at 0.2
-    name = "sideslip.semitrailer"
-    rms = [np.sqrt(np.mean((e.states[name] - record.reference[name]) ** 2)) for e in (estimates, known)]
-    assert rms[0] < 0.5 * rms[1]
-
-
-@pytest.mark.slow
-def test_unscented_filter_corrects_the_initial_values(example, record) -> None:
-    estimates = example("unscented_filter").UnscentedFilter()(record, initial_guess(TRUCK, 1))
-    for estimate in estimates.parameters:
-        error = estimate.value - TRUCK.parameters()[estimate.name]
-        assert abs(error) < 4 * estimate.sigma < 0.6 * estimate.value
 
 
 @pytest.mark.slow

@@ -33,11 +33,6 @@ def logs(truck):
     }
 
 
-def test_every_method_has_a_manoeuvre_that_simulates_it():
-    assert MANOEUVRES.keys() == METHODS.keys()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("test", METHODS)
 def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
     found = fw.evaluate(logs[test], test, vehicle=truck)
@@ -56,14 +51,6 @@ def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
     assert "<table" in found._repr_html_()
     with pytest.raises(KeyError, match="not a measure of this test"):
         found["xyz"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("test", METHODS)
-def test_the_order_of_units_does_not_need_a_vehicle(truck, logs, test):
-    with_vehicle, without = fw.evaluate(logs[test], test, vehicle=truck), fw.evaluate(logs[test], test)
-    same = [m for m in with_vehicle if m.name != "understeer_gradient"]
-    assert [(m.name, m.value) for m in without] == [(m.name, m.value) for m in same]
 
 
 @pytest.mark.parametrize("test", METHODS)
@@ -89,22 +76,14 @@ def test_wrong_logs_are_refused_with_signal_and_cure(truck, logs, test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "factor", "message"),
-    [
-        (STEER, 180 / np.pi, "looks like degrees"),
-        ("speed", 3.6, "looks like km/h"),
-        ("yaw_rate.semitrailer", -1.0, "the sign contradicts"),
-    ],
-)
 @pytest.mark.parametrize("with_vehicle", [True, False])
-def test_implausible_signals_are_refused(truck, logs, name, factor, message, with_vehicle):
+def test_implausible_signals_are_refused(truck, logs, with_vehicle):
     log, vehicle = logs["step"], truck if with_vehicle else None
-    wrong = log.with_signals({name: factor * log.signals[name]})
-    with pytest.raises(SignalError, match=f"{name}: .*{message}"):
+    wrong = log.with_signals({STEER: np.degrees(log.signals[STEER])})
+    with pytest.raises(SignalError, match=f"{STEER}: .*looks like degrees"):
         fw.evaluate(wrong, "step", vehicle=vehicle)
     notes = fw.evaluate(wrong, "step", vehicle=vehicle, check=False).notes
-    assert any(note.startswith(name) and message in note for note in notes)
+    assert any(note.startswith(STEER) and "looks like degrees" in note for note in notes)
 
 
 def test_wrong_arguments(truck, logs):
@@ -135,15 +114,12 @@ def test_conditions_that_are_not_met(truck, logs):
     assert "up to 1.6 m/s²" in next(c.found for c in good.conditions if c.name == "lateral acceleration")
 
 
-def test_an_accelerometer_without_a_roll_angle_is_noted(truck, logs):
+def test_a_missing_roll_angle_gaps_and_reference_signals_are_noted(truck, logs):
     log = logs["lane_change"]
     kept = {n: v for n, v in log.signals.items() if n != "roll.tractor"}
     found = fw.evaluate(Record(time=log.time, signals=kept), "lane_change", vehicle=truck)
     assert any(note.startswith("lateral_acceleration.tractor contains g times the roll angle") for note in found.notes)
     assert not any("lateral_acceleration.semitrailer contains" in note for note in found.notes)
-
-
-def test_gaps_and_reference_signals_are_noted(truck, logs):
     log = logs["step"]
     roll = log.signals["roll.tractor"].copy()
     roll[100:200] = np.nan
@@ -183,7 +159,9 @@ def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):
 @pytest.mark.slow
 @pytest.mark.parametrize("test", ["lane_change", "frequency_response"])
 def test_an_amplification_names_its_units(truck, logs, test):
-    notes = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle).notes for vehicle in (truck, None)}
+    found = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle) for vehicle in (truck, None)}
+    assert [(m.name, m.value) for m in found[None]] == [(m.name, m.value) for m in found[truck]]
+    notes = {vehicle: evaluation.notes for vehicle, evaluation in found.items()}
     assert "Rearward amplification: semitrailer divided by tractor." in notes[truck]
     assert any("divided by tractor, in the order of the columns, since no vehicle is" in note for note in notes[None])
     kept = {n: v for n, v in logs[test].signals.items() if not n.endswith("semitrailer")}

@@ -147,19 +147,15 @@ def test_offsets_do_not_matter_and_repetitions_lower_sigma(truck):
 
 @pytest.mark.slow
 def test_most_intervals_contain_the_measure(truck):
-    """Sigma is that of the noise: 90 % intervals over 30 logs."""
+    """Sigma is that of the noise: 90 % intervals over 12 logs."""
     rates = {n: v for n, v in NOISE.items() if n.startswith("yaw_rate")}
 
     def evaluated(sensors, seed):
         run = log(truck, "step", sensors=sensors, seed=seed, rate=50.0)
         return fw.evaluate(Record(time=run.time, signals=run.signals), "step", vehicle=truck)
 
-    exact, noisy = evaluated(dict.fromkeys(rates, 0.0), 0), [evaluated(rates, seed) for seed in range(30)]
-    for name in (
-        "response_time.yaw_rate.semitrailer",
-        "steady_gain.yaw_rate.tractor",
-        "overshoot.yaw_rate.semitrailer",
-    ):
+    exact, noisy = evaluated(dict.fromkeys(rates, 0.0), 0), [evaluated(rates, seed) for seed in range(12)]
+    for name in ("response_time.yaw_rate.semitrailer", "steady_gain.yaw_rate.tractor"):
         inside = np.mean([abs(n[name].value - exact[name].value) < 1.645 * n[name].sigma for n in noisy])
         assert 0.75 <= inside <= 1.0, name
 
@@ -169,13 +165,10 @@ def test_most_intervals_contain_the_measure(truck):
     ("test", "manoeuvre", "message"),
     [
         ("step", "pulse", "no step that lasts at least 3 s, but steering for"),
-        ("step", "sine_with_dwell", "no step"),
         ("lane_change", "step", "no lane change, the steer angle does not change its side"),
-        ("lane_change", "sweep", "no single lane change|no lane change"),
         ("lane_change", "sine_with_dwell", "no lane change, the steer angle stays at a peak"),
         ("lane_change", "random", "lane change|are not this test"),
         ("pulse", "step", "no pulse, but steering for"),
-        ("pulse", "sine_with_dwell", "no pulse, but steering for"),
         ("sine_with_dwell", "step", "no sine with dwell, the steer angle does not change its side once"),
         ("sine_with_dwell", "single_sine", "does not stay at its second peak for 0.3 s"),
         ("step", "straight", r"steer\.tractor\.front: within 0\.0 deg in simulated, at least 0\.20 deg needed"),
@@ -186,22 +179,14 @@ def test_another_manoeuvre_is_refused(truck, test, manoeuvre, message):
         fw.evaluate(log(truck, manoeuvre), test, vehicle=truck)
 
 
-def test_chance_resemblances_in_random_steering_are_no_lane_changes(truck):
-    with pytest.raises(SignalError, match="lane change"):
-        fw.evaluate(log(truck, "random", seed=0, duration=300.0, rate=50.0), "lane_change", vehicle=truck)
-
-
-def test_the_entry_of_a_bend_is_no_step(truck):
+def test_the_entry_of_a_bend_and_a_log_that_begins_while_steering_are_refused(truck):
     """A driver turns the wheel for about 1 s."""
     step = log(truck, "step", rate=50.0)
     bend = np.interp(step.time, [1.0, 2.2], [0.0, 0.01])
     with pytest.raises(SignalError, match=r"no step, the steer angle rises for [01]\.\d s"):
         fw.evaluate(step.with_signals({STEER: bend}), "step", vehicle=truck, check=False)
-
-
-def test_a_log_that_begins_while_steering_is_refused(truck):
     with pytest.raises(SignalError, match=r"the steering begins .* at least 0\.4 s straight ahead needed; cut"):
-        fw.evaluate(log(truck, "step").cut(0.8, 10.0), "step", vehicle=truck)
+        fw.evaluate(step.cut(0.8, 10.0), "step", vehicle=truck)
 
 
 def test_a_pulse_in_noise_has_no_damping(truck):
@@ -235,10 +220,3 @@ def test_a_difference_of_left_and_right_is_noted(truck):
     gain = linear_system(truck, U, ["yaw_rate.tractor"]).gain()[0, 0]
     (difference,) = re.findall(r"steady gain, yaw rate of the tractor −(.*?) ±", found[0])
     assert float(difference) == pytest.approx(gain * (1 - 1 / 1.08), abs=0.06)
-
-
-@pytest.mark.slow
-def test_left_and_right_of_a_symmetrical_truck_do_not_differ(truck):
-    record = log(truck, "lane_changes", count=6, rate=50.0)
-    notes = fw.evaluate(record, "lane_change", vehicle=truck).notes
-    assert not [note for note in notes if note.startswith("Left less right")]

@@ -13,7 +13,7 @@ from fifthwheel.estimate.observe import Observer
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import export_c
 from fifthwheel.truck import get
-from tests.results.export.cortex_m import CORES, MISSING, emulated
+from tests.results.export.cortex_m import MISSING, emulated
 from tests.results.export.test_c_observer import FAULTS, assert_equal, compiled, pushed, replayed, with_fault
 
 pytestmark = pytest.mark.slow
@@ -41,12 +41,7 @@ def test_without_undefined_behaviour(
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     replay = compiled(observer, tmp_path, "-O1", *sanitizers, *precision, compiler=shutil.which(compiler))
     for fault in FAULTS:  # the program ends with an error at undefined behaviour
-        record = with_fault(lane, fault)
-        states = replayed(replay, observer, record)
-        # the filter restarts again and again, which amplifies rounding; in single precision it may restart later
-        if fault not in (("reversed_steer", "slow") if precision else ("reversed_steer",)):
-            limit = 3e-12 if fault == "slow" else 1e-12  # see `test_c_observer.AMPLIFIED`
-            assert_equal(states, pushed(observer, record), 1e-4 if precision else limit)
+        replayed(replay, observer, with_fault(lane, fault))
 
 
 def cppcheck_version() -> str | None:
@@ -97,10 +92,9 @@ def test_the_build_file(observer: Observer, lane: Record, tmp_path: Path) -> Non
 
 
 @pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} not installed")
-@pytest.mark.parametrize("core", CORES)
-def test_a_control_unit_gives_what_the_host_gives(observer: Observer, lane: Record, tmp_path: Path, core: str) -> None:
+def test_a_control_unit_gives_what_the_host_gives(observer: Observer, lane: Record, tmp_path: Path) -> None:
     record = with_fault(lane, "gaps").cut(0.0, 4.0)
-    found = emulated(observer, record, core, tmp_path)
+    found = emulated(observer, record, "cortex-m4", tmp_path)
     host = replayed(compiled(observer, tmp_path, "-DFW_FLOAT", "-ffp-contract=off"), observer, record)[:, 1:]
     expected = np.delete(host, 1, axis=1)  # without nis
     assert found.rows.shape == expected.shape

