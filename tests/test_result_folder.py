@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.base.atomic import MANIFEST, atomic_write, clean_up, one_run, recover, replaced_result, result_folder
+from fifthwheel.base.atomic import MANIFEST, atomic_write, one_run, recover, replaced_result, result_folder
 from fifthwheel.base.errors import FifthwheelError
 
 OLD = {"a.json": "old a", "b.toml": "old b", "figures/old/c.svg": "old c"}
@@ -254,18 +254,6 @@ def test_a_journal_from_elsewhere_moves_nothing_out_of_the_folder_or_into_it(tmp
         with pytest.raises(FifthwheelError, match=r"damaged; remove|expected a folder"):
             recover(tmp_path / str(k))
         assert contents(tmp_path / "home") == {"secret": "mine"}
-
-
-def test_an_interrupt_removes_temporary_files(tmp_path: Path) -> None:
-    """As at a signal that ends the process within its blocks."""
-    run(tmp_path, OLD)
-    with result_folder(tmp_path, "identify", [], inputs=[], force=False) as new, atomic_write(tmp_path / "x") as part:
-        write(new, NEW)
-        clean_up()
-        assert contents(tmp_path) == OLD
-        assert not part.exists()
-        write(new, NEW)  # the process of the test lives on
-        part.touch()
 
 
 def test_one_result_is_replaced_with_its_digest_unless_it_fails_or_has_changed(tmp_path: Path) -> None:

@@ -27,9 +27,17 @@ def given(statements: Any) -> object:
     return fw.identify([RECORD], TRUCK, fw.OneStage(given=statements))
 
 
+def study(**changes: Any) -> object:
+    given = {"vehicles": ["cheng_cebon_2011"], "estimators": {"one": fw.OneStage()}, "seeds": [0]} | changes
+    return fw.study(given.pop("vehicles"), given.pop("estimators"), FOLDER / "s", **given)
+
+
+def record(**changes: Any) -> object:
+    return fw.Record(**{"time": [0.0, 1.0], "signals": {"speed": [1.0, 2.0]}} | changes)
+
+
 WRONG: dict[str, Callable[[], object]] = {
     "identify path": lambda: fw.identify("log.csv", TRUCK),
-    "identify list of paths": lambda: fw.identify(["log.csv"], TRUCK),
     "identify DataFrame": lambda: fw.identify(RECORD.to_pandas(), TRUCK),
     "identify one record": lambda: fw.identify(RECORD, TRUCK),
     "identify none": lambda: fw.identify([], TRUCK),
@@ -40,19 +48,16 @@ WRONG: dict[str, Callable[[], object]] = {
     "identify knowledge result": lambda: fw.identify([RECORD], TRUCK, knowledge=result()),
     "identify occasion str": lambda: fw.identify([RECORD], TRUCK, occasion="trailer"),
     "identify validate path": lambda: fw.identify([RECORD], TRUCK, validate="log.csv"),
-    "identify validate record": lambda: fw.identify([RECORD], TRUCK, validate=RECORD),
     "identify same twice": lambda: fw.identify([RECORD, RECORD], TRUCK),
     "settings given str": lambda: fw.OneStage(given="tractor.mass"),
     "settings given tuple": lambda: fw.OneStage(given={"cornering_stiffness": (4e5, 4e4)}),
     "settings given nan": lambda: given({"road.friction": float("nan")}),
-    "settings given percent nan": lambda: given({"cornering_stiffness": "+- nan %"}),
     "settings given negative": lambda: given({"cornering_stiffness": "+- -30 %"}),
     "settings given typo": lambda: given({"tractor.mas": "exact"}),
     "settings given typo of an end": lambda: given({"cornering_stifness": "+- 10 %"}),
     "settings given typo of a sensor": lambda: given({"yaw_rate.tracktor.gain": "+- 1 %"}),
     "settings given typo of an error": lambda: given({"yaw_rate.tractor.gian": "+- 1 %"}),
     "settings given free mass": lambda: given({"semitrailer.mass": "free"}),
-    "settings given free bank": lambda: given({"road.bank": "free"}),
     "settings given exact and free": lambda: given({"*tractor.yaw_inertia": "exact", "tractor.yaw_inertia*": "free"}),
     "settings given one value for many": lambda: given({"cornering_stiffness": "4e5 N/rad"}),
     "settings given no unit": lambda: given({"semitrailer.mass": "33000 +- 1 %"}),
@@ -68,9 +73,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "learner discrepancy typo": lambda: fw.Learner(
         TRUCK, RECORD.signals, learner=fw.LearnerSettings(discrepancy={"yaw_rat": 1.0})
     ),
-    "learner signals typo": lambda: fw.Learner(TRUCK, ["speed", "yaw_rate.tracktor"]),
     "learner settings is learner settings": lambda: fw.Learner(TRUCK, RECORD.signals, fw.LearnerSettings()),
-    "learner record": lambda: fw.Learner(TRUCK, RECORD),
     "learner sensors": lambda: fw.Learner(TRUCK, RECORD.signals, sensors={"yaw_rate.tracktor": fw.SensorPrior()}),
     "observer vehicle": lambda: fw.Observer("truck.toml", RECORD.signals),
     "observer result": lambda: fw.Observer(result(), RECORD.signals),
@@ -78,29 +81,20 @@ WRONG: dict[str, Callable[[], object]] = {
     "observer signals typo": lambda: fw.Observer(TRUCK, ["speed", "steer.tractor.frnt", "yaw_rate.tractor"]),
     "observer settings OneStage": lambda: fw.Observer(TRUCK, RECORD.signals, fw.OneStage()),
     "observer record": lambda: fw.Observer(TRUCK, RECORD),
-    "observer settings friction": lambda: fw.ObserverSettings(friction="dry"),
     "observer settings surroundings": lambda: fw.ObserverSettings(surroundings={"brakes.drive_axle": "50 %"}),
     "observer surroundings typo": lambda: fw.Observer(
         TRUCK, RECORD.signals, fw.ObserverSettings(surroundings={"tyre.shap": 1.0})
     ),
     "observer push dict": lambda: fw.Observer(TRUCK, RECORD.signals).push({"spee": 1}),
-    "observer push list": lambda: fw.Observer(TRUCK, RECORD.signals).push([1, 2, 3]),
     "observer push str": lambda: fw.Observer(TRUCK, RECORD.signals).push({"time": 0.0, "speed": "20 m/s"}),
     "observer run DataFrame": lambda: fw.Observer(TRUCK, RECORD.signals).batch(RECORD.to_pandas()),
-    "record shape": lambda: fw.Record(time=[0.0, 1.0, 2.0], signals={"speed": [1.0, 2.0]}),
-    "record text": lambda: fw.Record(time=[0.0, 1.0], signals={"speed": ["a", "b"]}),
-    "record signals list": lambda: fw.Record(time=[0.0, 1.0], signals=[1, 2]),
-    "record time datetime": lambda: fw.Record(time=pd.date_range("2020", periods=2), signals={"speed": [1.0, 2.0]}),
-    "record kmh": lambda: (
-        fw.Record(time=[0.0, 1.0], signals={"speed": [80.0, 80.0]})
-        and fw.identify(
-            [fw.Record(time=RECORD.time, signals={**RECORD.signals, "speed": RECORD.signals["speed"] * 3.6})], TRUCK
-        )
-    ),
-    "record sensors typo": lambda: fw.Record(
-        time=[0.0, 1.0], signals={"speed": [1.0, 2.0]}, sensors={"sped": fw.SensorPrior()}
-    ),
-    "record sensors str": lambda: fw.Record(time=[0.0, 1.0], signals={"speed": [1.0, 2.0]}, sensors={"speed": "good"}),
+    "record shape": lambda: record(time=[0.0, 1.0, 2.0]),
+    "record text": lambda: record(signals={"speed": ["a", "b"]}),
+    "record signals list": lambda: record(signals=[1, 2]),
+    "record time datetime": lambda: record(time=pd.date_range("2020", periods=2)),
+    "record kmh": lambda: fw.identify([RECORD.with_signals({"speed": RECORD.signals["speed"] * 3.6})], TRUCK),
+    "record sensors typo": lambda: record(sensors={"sped": fw.SensorPrior()}),
+    "record sensors str": lambda: record(sensors={"speed": "good"}),
     "record cut": lambda: RECORD.cut("a", "b"),
     "record with_signals": lambda: RECORD.with_signals({"yaw": RECORD.time}),
     "SensorPrior noise": lambda: fw.SensorPrior(noise=-1),
@@ -108,17 +102,14 @@ WRONG: dict[str, Callable[[], object]] = {
     "simulate count": lambda: fw.simulate(TRUCK, count=0),
     "simulate speed kmh": lambda: fw.simulate(TRUCK, speed=300.0),
     "simulate rate": lambda: fw.simulate(TRUCK, rate=0),
-    "simulate seed": lambda: fw.simulate(TRUCK, seed=-1),
     "simulate sensors": lambda: fw.simulate(TRUCK, sensors={"yaw_rate.tracktor": 1e-3}),
     "vehicle unknown": lambda: fw.vehicle("cheng"),
     "vehicle replace typo": lambda: TRUCK.replace({"tractor.mas": 1}),
     "vehicle replace str": lambda: TRUCK.replace({"tractor.mass": "7 t"}),
-    "vehicle replace nan": lambda: TRUCK.replace({"tractor.mass": float("nan")}),
     "vehicle with_stated neg": lambda: TRUCK.with_stated({"tractor.mass": -1.0}),
     "vehicle load missing": lambda: fw.Vehicle.load("none.toml"),
     "vehicle unit": lambda: TRUCK.unit("trailer"),
     "read_log missing": lambda: fw.read_log("none.csv"),
-    "read_log map path": lambda: fw.read_log("none.csv", "map.toml"),
     "read_log exclude": lambda: fw.read_log("none.csv", exclude=(1, 2)),
     "SignalMap parse": lambda: fw.SignalMap.parse("signals=3"),
     "LiveMap": lambda: fw.LiveMap("map.toml", ["a"]),
@@ -127,14 +118,11 @@ WRONG: dict[str, Callable[[], object]] = {
     "summarize speed": lambda: fw.summarize(TRUCK, -3),
     "assess body typo": lambda: fw.assess(TRUCK, body={"widht": 2.5}, cheap=True),
     "assess changes": lambda: fw.assess(TRUCK, changes={"tractor.mas": 1.0}, cheap=True),
-    "assess sigmas neg": lambda: fw.assess(TRUCK, sigmas={"tractor.mass": -1.0}, cheap=True),
     "check_signals frame": lambda: fw.check_signals(RECORD.to_pandas()),
     "predict_sigmas paths": lambda: fw.predict_sigmas(["log.csv"], TRUCK),
     "predict_sigmas TwoStage": lambda: fw.predict_sigmas([RECORD], TRUCK, fw.TwoStage()),
     "design targets typo": lambda: fw.design_experiment(TRUCK, {"semitrailer.yaw_inerta": 0.05}),
-    "design targets neg": lambda: fw.design_experiment(TRUCK, {"semitrailer.yaw_inertia": -0.05}),
     "design channels": lambda: fw.design_experiment(TRUCK, channels=["yaw_rate.tracktor"]),
-    "gross_mass path": lambda: fw.gross_mass(["l.csv"], TRUCK),
     "gross_mass none": lambda: fw.gross_mass([RECORD], TRUCK),
     "with_payload neg": lambda: fw.with_payload(TRUCK, -1.0),
     "write_record path": lambda: fw.write_record("r", FOLDER / "a.csv"),
@@ -144,20 +132,14 @@ WRONG: dict[str, Callable[[], object]] = {
     "export_fmu": lambda: fw.export_fmu(result(), FOLDER / "c.fmu"),
     "export_fmu outputs": lambda: fw.export_fmu(TRUCK, FOLDER / "c.fmu", outputs=["yaw"]),
     "compare records": lambda: fw.compare([RECORD, RECORD]),
-    "study trucks": lambda: fw.study(["none"], {"one": fw.OneStage()}, FOLDER / "s"),
-    "study estimators list": lambda: fw.study(["cheng_cebon_2011"], [fw.OneStage()], FOLDER / "s"),
-    "study estimator str": lambda: fw.study(["cheng_cebon_2011"], {"one": "default"}, FOLDER / "s"),
-    "study seeds": lambda: fw.study(["cheng_cebon_2011"], {"one": fw.OneStage()}, FOLDER / "s", seeds=3),
-    "study manoeuvres": lambda: fw.study(
-        ["cheng_cebon_2011"], {"one": fw.OneStage()}, FOLDER / "s", manoeuvres=["lane_changes"], seeds=[0]
-    ),
-    "study sensors": lambda: fw.study(
-        ["cheng_cebon_2011"], {"one": fw.OneStage()}, FOLDER / "s", sensors={"a": {"yaw": 1}}, seeds=[0]
-    ),
-    "study scheduler": lambda: fw.study(
-        ["cheng_cebon_2011"], {"one": fw.OneStage()}, FOLDER / "s", scheduler="foo", seeds=[0]
-    ),
-    "study jobs": lambda: fw.study(["cheng_cebon_2011"], {"one": fw.OneStage()}, FOLDER / "s", jobs=-2, seeds=[0]),
+    "study trucks": lambda: study(vehicles=["none"]),
+    "study estimators list": lambda: study(estimators=[fw.OneStage()]),
+    "study estimator str": lambda: study(estimators={"one": "default"}),
+    "study seeds": lambda: study(seeds=3),
+    "study manoeuvres": lambda: study(manoeuvres=["lane_changes"]),
+    "study sensors": lambda: study(sensors={"a": {"yaw": 1}}),
+    "study scheduler": lambda: study(scheduler="foo"),
+    "study jobs": lambda: study(jobs=-2),
     "SimulatedRun": lambda: fw.SimulatedRun(manoeuvre="slalom"),
     "SimulatedRun properties": lambda: fw.SimulatedRun(properties={"friction": 0.5}),
     "Body": lambda: fw.Body(width=-1),

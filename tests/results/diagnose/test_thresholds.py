@@ -105,15 +105,6 @@ def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, m
     assert unusual(result, name, mean + sign * 2.5 * 0.0377 * (1 + 1e-6), 1e-6, settings)
 
 
-@pytest.mark.parametrize("kind", ["position", "height"])
-def test_the_place_of_an_accelerometer(result, kind):
-    unit = result.identification.initial_vehicle.unit("tractor")
-    mean = getattr(unit.place_of_accelerometer(), kind)
-    settings = replace(result.identification.settings, given={f"{ACCELEROMETER}.{kind}": "+- 0.377 m"})
-    assert not unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 - 1e-6), 1e-6, settings)
-    assert unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 + 1e-6), 1e-6, settings)
-
-
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_steering_gain_delay_and_misalignment_must_be_significant(result, sign):
     """A gain by 0.1 and two sigmas, a delay by 20 ms and three sigmas, a misalignment by two sigmas.

@@ -12,7 +12,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.manoeuvres import OpenLoop, course
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.results.assess.yaw_damping import eigenvalue_damping, pulse_damping
+from fifthwheel.results.assess.yaw_damping import eigenvalue_damping
 from tests.results.evaluate.conftest import NOISE, STEER, U, repeated
 
 
@@ -104,20 +104,6 @@ def test_the_damping_is_that_of_the_eigenvalues(truck):
         measure = fw.evaluate(log(soft, "pulse", sensors=sensors), "pulse", vehicle=soft)["yaw_damping"]
         assert measure.value == pytest.approx(exact, abs=3 * measure.sigma + 0.1 * exact)
         assert measure.sigma < 0.03
-
-
-def test_the_damping_by_the_yaw_rate_of_the_trailer(truck, responses):
-    """Without an articulation sensor; as that of the true signal."""
-    time, _, outputs = responses("pulse")
-    free = outputs["yaw_rate.semitrailer"][time >= 2.4 - 0.2]
-    expected = pulse_damping(0.01 * np.arange(free.size), free)
-    sensors = {n: v for n, v in NOISE.items() if not n.startswith("articulation")}
-    run = log(truck, "pulse", sensors=sensors)
-    run = Record(time=run.time, signals=run.signals, name="pulse")  # without its reference signals
-    found = fw.evaluate(run, "pulse", vehicle=truck)
-    measure = found["yaw_damping"]
-    assert measure.value == pytest.approx(expected, abs=3 * measure.sigma + 0.02)
-    assert found.notes[-1] == "Decay of the yaw rate of the trailer."
 
 
 def test_the_yaw_rate_ratios_of_the_sine_with_dwell(truck, responses):

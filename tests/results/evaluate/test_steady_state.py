@@ -181,15 +181,6 @@ def test_offset_and_play_are_named_and_not_in_the_gradients(truck):
     assert not any("play" in note for note in curved.notes)
 
 
-def test_straight_driving_does_not_bring_play_into_the_gradients():
-    """About straight ahead the wheels are between both contacts, and the steer angle says nothing on the direction."""
-    a = np.concatenate([np.linspace(-0.2, 0.2, 20), np.linspace(0.4, 2, 40), np.linspace(-0.4, -2, 40)])
-    X = np.column_stack([a, np.zeros_like(a), np.ones_like(a)])
-    steer = 0.003 * a + 0.002 * np.clip(a / 0.3, -1, 1)
-    for direction in directions(X, steer, a / U**2).values():
-        assert abs(direction.gradient[0] - 0.003) < 1e-9
-
-
 def test_intervals_contain_the_gradients_and_few_differences_are_significant():
     """On blocks of 1 s, with the noise of their means."""
     inside, significant, count = dict.fromkeys(APART, 0), 0, 100
@@ -210,3 +201,13 @@ def test_the_wheelbase_hardly_changes_the_difference(truck):
     exact, wide = (evaluated(v, both(truck, 1)) for v in (truck, uncertain))
     assert np.sqrt(wide[APART[0]].sigma ** 2 - exact[APART[0]].sigma ** 2) == pytest.approx(0.05 / U**2, rel=0.05)
     assert wide[APART[2]].sigma == pytest.approx(exact[APART[2]].sigma, rel=0.02)
+
+
+@pytest.mark.slow
+def test_an_ordinary_drive_informs_on_the_understeer_gradient(truck):
+    drive = fw.simulate(truck, manoeuvre="everyday", speed=U, sensors=NOISE, rate=50.0, seed=1, duration=120.0)
+    found = evaluated(truck, Record(time=drive.time, signals=drive.signals, name="everyday"))
+    assert "Method: mixed driving" in found.notes[0]
+    gradient = found["understeer_gradient"]
+    assert gradient.value == pytest.approx(steady_steer(truck)[1], abs=2 * gradient.sigma)
+    assert 0 < gradient.sigma < 6e-4  # 0.34 deg/g

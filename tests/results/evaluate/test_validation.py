@@ -161,16 +161,6 @@ def test_inverted_angles_of_the_results_are_refused(truck):
     assert fw.validate(same, log, test, vehicle=truck).verdict in ("inside", "outside", "undecided")
 
 
-def test_reference_signals_have_no_sigma_in_the_table(truck):
-    log = simulated(truck, "step", noise="gyros")
-    found = fw.validate(log, log, "step", vehicle=truck)
-    rows = {row[0]: row[1:4] for row in found.table().rows}
-    for name, has_sigma in (("steady_gain.yaw_rate.tractor", True), ("steady_gain.roll.tractor", False)):
-        assert {"±" in str(cell) for cell in rows[found.log[name].title]} == {has_sigma}
-        assert (found.log[name].sigma is not None) == has_sigma
-    assert {m.name: m.verdict for m in found.measures}["steady_gain.roll.tractor"] == "inside"
-
-
 @pytest.mark.slow
 def test_wrong_records_and_arguments_are_refused(truck):
     log = simulated(truck, "step")

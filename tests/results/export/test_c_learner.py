@@ -18,7 +18,7 @@ from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.dynamics import critical_speed
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.export import LEARNER_FILES, export_c
+from fifthwheel.results.export import LEARNER_FILES
 from fifthwheel.truck import Vehicle, get
 from tests.model.dynamics.test_lagrangian import b_double
 from tests.results.export.c_learner import (
@@ -194,12 +194,3 @@ def test_wrong_estimates_are_refused_and_a_reset_keeps_estimates(passing: tuple[
     sigma = 3 + (states.shape[1] - 3) // 2
     np.testing.assert_array_equal(np.array([row.split(",") for row in rows], dtype=float), states[:, [3, sigma]])
     assert found == "1,1,1,1,1"
-
-
-def test_infinite_limits_are_large_numbers(guess: Vehicle, lane: Record, tmp_path: Path) -> None:
-    limits = LearnerSettings(max_gap=math.inf, max_steer_rate=math.inf)
-    export_c(Learner(guess, lane.signals, FIVE, learner=limits), tmp_path)
-    assert "#define FW_MAX_GAP 1e+30 /* s */" in (tmp_path / "fw_learner_model.h").read_text()
-    tables = (tmp_path / "fw_learner_model.c").read_text()
-    assert "fw_input_rate[2] = {FW_REAL(0.0), FW_REAL_MAX};" in tables
-    assert "fw_measured_magnitude[4] = {FW_REAL_MAX, FW_REAL_MAX, FW_REAL_MAX, FW_REAL_MAX};" in tables

@@ -10,7 +10,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.results.assess.lane_change import linear
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.results.report import write_assessment_report, write_report
+from fifthwheel.results.report import write_assessment_report
 from fifthwheel.results.report.assessment import (
     SHOWN_FILES,
     TruckEvidence,
@@ -86,16 +86,6 @@ def test_the_page_has_every_measure_and_every_figure(assessment, tmp_path):
     traces = [t for plot in json.loads(page.data("figures")) for t in plot["data"]]  # a line has one colour in all
     looks = {(t["name"].partition(",")[0], t["line"]["color"]) for t in traces if t["name"]}
     assert len(looks) == len({name for name, _ in looks}) >= 4
-
-
-def test_the_report_of_an_identification_says_what_the_truck_will_do(result, tmp_path):
-    performance = fw.assess(result.identification, cheap=True)
-    path = tmp_path / "report.html"
-    write_report(path, result.identification, result.records, title="truck", performance=performance)
-    text = Page(path.read_text(encoding="utf-8")).text
-    assert "What this truck will do" in text
-    assert all(measure.text().split(" ")[0] in text for measure in performance)
-    assert "Nonlinear" not in text
 
 
 HEIGHT = "semitrailer.payload.height"

@@ -11,7 +11,7 @@ from fifthwheel.estimate.identify import Estimate
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.results.diagnose import Advice
-from fifthwheel.results.report import Conclusion, StateConditions, conclude_identification, conclude_states
+from fifthwheel.results.report import Conclusion, conclude_identification, conclude_states
 from tests.results.report.conftest import NASTY
 
 
@@ -81,20 +81,6 @@ def test_each_verdict_has_a_reason_and_advice(result, verdict, changes, reason, 
     assert "4 of 5" in conclusion.headline or verdict is Verdict.FIXED
 
 
-@pytest.mark.parametrize(
-    ("verdict", "changes", "reason"),
-    [
-        (Verdict.NOT_EXCITED, {"sigma": None}, "no roll rate of the tractor was logged"),
-        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ()}, "the roll rate of the tractor is not logged"),
-    ],
-)
-def test_a_roll_rate_that_is_not_logged_is_the_reason(result, verdict, changes, reason):
-    without = replace(result.identification, signals=("speed", "steer.tractor.front", "yaw_rate.tractor"))
-    conclusion = conclude_identification(with_verdict(without, verdict, **changes), result.records)
-    assert any(reason in line for line in conclusion.not_identified)
-    assert any("Log the roll rate of the tractor" in line for line in conclusion.next_steps)
-
-
 def test_three_steps_are_shown_and_the_options_are_behind_them(result):
     steps = tuple(Advice(f"Step {k}.", f"--option-{k}" if k % 2 else "") for k in range(1, 6))
     conclusion = Conclusion(good=True, headline="Good.", steps=steps)
@@ -143,18 +129,6 @@ def test_a_poor_prediction_does_not_validate(result):
     assert not any("(validation log)" in line for line in conclusion.results)
 
 
-def test_what_a_prediction_validates(result):
-    fits = result.identification.fits
-    for changes, expected in (
-        ({"explained": 0.97, "rms": 1.0}, "explains at least 97.0 % of the variance"),
-        ({"rms": 1e-9}, "no residual is larger than the sensor noise"),
-        ({"rms": 1e-9, "explained": 0.0}, "the truck hardly turns in it"),
-    ):
-        changed = tuple(f if f.identified_on else replace(f, **changes) for f in fits)
-        conclusion = conclude_identification(replace(result.identification, fits=changed))
-        assert any(line.startswith(f"{NASTY} (validation log): ") and expected in line for line in conclusion.results)
-
-
 def test_conclusion_of_states(result):
     conclusion = conclude_states(result.states, result.records)
     assert not conclusion.good
@@ -176,12 +150,3 @@ def test_states_after_a_wheel_has_lifted(result):
     assert not conclusion.good
     assert conclusion.headline == "A wheel lifts: do not rely on the states from there on."
     assert "reliable" in conclude_states([states], result.records).headline
-
-
-def test_what_the_bands_include():
-    assert "(-i)" in StateConditions().in_words()
-    assert "(-i)" not in StateConditions().in_words(identified=True)
-    names = ("tractor.yaw_inertia", "steer.tractor.front.offset@a", "steer.tractor.front.offset@", "yaw_rate.x.gain")
-    text = StateConditions(smoothed=True, uncertain=names).in_words()
-    assert "1 vehicle parameter and 2 sensor errors" in text
-    assert "Smoothed" in text

@@ -8,8 +8,6 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.formatting import with_sigma
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.derived import largest_lateral_acceleration, lateral_acceleration
 from fifthwheel.estimate.identify import Verdict
 from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.results.report import Provenance, front_page, write_report
@@ -127,19 +125,6 @@ def test_what_was_driven(result):
     assert [line.name for line in figure.plot.panels[0].items] == [r.name for r in result.records]
     (beside,) = front_page.truck_and_runs(identification, [], [])
     assert len(beside.blocks) == 1
-
-
-def test_lateral_acceleration_over_time(result):
-    record = result.records[1]
-    mean = lateral_acceleration(record, "tractor")
-    assert np.isnan(mean[1100])
-    slow = record.signals["speed"] < 5
-    largest = largest_lateral_acceleration(replace(record, signals={"speed": record.signals["speed"]}), "tractor")
-    assert np.isnan(largest)
-    assert np.isnan(lateral_acceleration(record, "trailer")).all()
-    assert np.nanmax(np.abs(mean[~slow])) > 1
-    record = Record(time=[0, 0.01, 0.02], signals={"speed": [20.0] * 3, "yaw_rate.tractor": [0.1, 0.2, 0.3]})
-    assert lateral_acceleration(record, "tractor") == pytest.approx([3.0, 4.0, 5.0])  # over three samples and fewer
 
 
 def test_of_many_logs_three_are_drawn_before_the_appendix(result, tmp_path):

@@ -141,17 +141,6 @@ def test_derivatives_of_inputs_give_the_simulation_of_a_log(
     assert_close(np.array(rows), expected[1:])
 
 
-def test_fmpy_simulates_the_truck(truck: Vehicle, trucks: Mapping[int, Path]) -> None:
-    """The final state of a constant steer angle."""
-    from fmpy import simulate_fmu
-
-    start = {"speed": 22.0, STEER: 0.01}
-    result = simulate_fmu(str(trucks[3]), stop_time=20.0, step_size=0.02, output_interval=0.02, start_values=start)
-    expected = dynamics.steady_state(truck, 22.0, [0.01])
-    assert result["yaw_rate.semitrailer"][-1] == pytest.approx(expected["yaw_rate.semitrailer"], rel=1e-5)
-    assert result["roll.semitrailer"][-1] == pytest.approx(expected["roll.semitrailer"], rel=1e-5)
-
-
 def test_parameters_are_tunable(
     truck: Vehicle, trucks: Mapping[int, Path], inputs: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
@@ -359,22 +348,6 @@ def test_an_importer_that_expects_more_is_refused(fmi: int, observers: Mapping[i
         with pytest.raises(Exception, match="Failed to instantiate"):
             unit.slave.instantiate()
         unit.slave.component = component
-
-
-@pytest.mark.parametrize("fmi", VERSIONS)
-def test_the_library_has_every_function_of_the_standard(
-    fmi: int, observers: Mapping[int, Path], tmp_path: Path
-) -> None:
-    import fmpy
-
-    text = (Path(fmpy.__file__).parent / "c-code" / f"fmi{fmi}Functions.h").read_text()
-    if fmi == 2:  # functions that are only for model exchange may be missing
-        before, _, rest = text.rpartition("Functions for FMI2 for Model Exchange")
-        text = before + rest.partition("Functions for FMI2 for Co-Simulation")[2]
-    names = re.findall(rf"\bfmi{fmi}\w+TYPE\s+(fmi{fmi}\w+);", text)
-    assert len(names) > 30
-    with Unit(observers[fmi], tmp_path) as unit:
-        assert [name for name in names if not hasattr(unit.library, name)] == []
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
