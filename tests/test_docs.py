@@ -19,13 +19,11 @@ import fifthwheel
 from fifthwheel import truck as vehicle
 from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.data.channels import channels_with_errors
 from fifthwheel.data.channels.table import ALL
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
-from fifthwheel.estimate.identify import OneStage, statement
-from fifthwheel.estimate.identify.unknowns import parameters
+from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import ObserverSettings, Status
 from fifthwheel.estimate.online import LearnerSettings
@@ -37,7 +35,6 @@ from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Uni
 from fifthwheel.truck.classes import CLASSES
 from fifthwheel.truck.component import Component
 from fifthwheel.truck.driveline import Driveline
-from fifthwheel.truck.quantities import DISCREPANCY, TIME_BASE
 from fifthwheel.truck.toml_format import FILE_KEYS
 from tests.test_architecture import SOURCE
 
@@ -153,17 +150,6 @@ def test_every_setting_has_its_line_in_the_tables_of_the_site() -> None:
     two_stage = {cells[0].strip("`"): cells[1:3] for cells in rows(section(tables, "TwoStage"))[2:]}
     assert two_stage["forgetting"] == ["`1`", "`0.999`"]
     assert two_stage["gate"] == ["`6`", "`1000000.0`"]
-
-
-def test_every_sensor_error_and_every_error_of_the_model_is_explained() -> None:
-    errors = "\n".join(cells[0] for cells in rows(section(page("signals.md"), "Sensor errors")))
-    for channel in channels_with_errors():
-        lines = [line for line in errors.splitlines() if f"`{channel.quantity}." in line]
-        for error in channel.errors:
-            assert any(f".{error.kind}`" in line for line in lines), (channel, error.kind)
-    model = section(page("one-stage.md"), "What the model lacks")
-    for name in (*statement.OF_ROAD[1:], DISCREPANCY, TIME_BASE, f".{parameters.VARIATION}"):
-        assert f"{name}` |" in model, name
 
 
 def test_every_public_name_is_on_a_page_of_the_reference() -> None:

@@ -10,7 +10,7 @@ from fifthwheel.estimate.identify import Verdict
 from fifthwheel.results.assess.assessment import assess
 from fifthwheel.results.diagnose import compare, spoken
 from fifthwheel.results.report.comparison import comparison_headline
-from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, SOFTENING, estimate, of
+from tests.results.diagnose.chosen import AXIS, FRONT, REAR, SOFTENING, estimate, of
 
 
 def run(result, log, *estimates, **others):
@@ -92,15 +92,6 @@ def test_what_differs_in_the_vehicle_files_is_noted(result):
     assert any(note.endswith("Vehicle files and settings are equal.") for note in same)
 
 
-def test_a_stated_sigma_and_settings_are_differences_too(result):
-    a = run(result, "1", estimate(FRONT, sigma=0.05))
-    known = a.initial_vehicle.with_stated({"semitrailer.cog": 0.02})
-    settings = replace(a.settings, tolerance=0.02, given={"tractor.yaw_inertia": "+- 2 %"})
-    notes = compare({"a": a, "b": replace(a, initial_vehicle=known, settings=settings)}).notes
-    assert "Trailer, CoG position −5.490 ± 0.020 m instead of −5.49 m" in notes[0]
-    assert "the vehicle files and the settings (tractor.yaw_inertia, tolerance)" in notes[1]
-
-
 def test_cog_height_and_rollover_threshold_of_each_run_follow_the_parameters(result):
     a = run(result, "1", estimate(FRONT, sigma=0.03))
     path = "semitrailer.payload.height"
@@ -114,15 +105,6 @@ def test_cog_height_and_rollover_threshold_of_each_run_follow_the_parameters(res
     assert threshold.differences[1].value < 0
     assert threshold.differences[1].sigma == pytest.approx(np.hypot(*[m.sigma for m in expected]))
     assert threshold.in_sigmas(1).startswith("at least −")
-
-
-def test_parameters_that_one_run_does_not_have(result):
-    a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(HEIGHT))
-    comparison = compare({"a": a, "b": b})
-    assert [p.name for p in estimated(comparison)] == [FRONT, HEIGHT]
-    assert [p.differences for p in estimated(comparison)] == [(None, None), (None, None)]
-    assert comparison.rows()[1][2:] == ("–", "", "", "")
-    assert comparison_headline(comparison) == "No difference from a has a sigma."
 
 
 def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):

@@ -1,7 +1,5 @@
 """What the logs contribute to each parameter, and what would reduce its sigma."""
 
-from dataclasses import replace
-
 import pytest
 
 from fifthwheel.estimate.design import Remedy
@@ -10,9 +8,6 @@ from fifthwheel.estimate.identify import Verdict, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose.advice import next_steps
 from fifthwheel.results.diagnose.information_summary import (
-    ParameterInformation,
-    VarianceTerm,
-    dominant_terms,
     information_summary,
     variance_budget,
 )
@@ -83,31 +78,6 @@ def test_the_information_summary_of_an_outlook(result):
     assert [r.estimate.name for r in information_summary(fixed)] == [REAR]
 
 
-def information(e, **others):
-    return ParameterInformation(estimate=e, **others)
-
-
-def test_messages_of_the_information_summary():
-    rear, axis = named(REAR), named(AXIS)
-    correlated = estimate(FRONT, sigma=0.0499, correlated_with=(REAR, AXIS))
-    accurate = f"Accurate. Its error is correlated with the errors of {rear} and {axis}."
-    strong = f"Strongly correlated with {rear} and {axis}."
-    assert information(correlated).messages == (accurate,)
-    for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
-        assert information(replace(correlated, **changes)).messages == (strong,)
-    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
-    terms = tuple(VarianceTerm(source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1)))
-    assert information(estimate(FRONT), budget=terms[:1]).messages == (
-        f"Its variance would be 50 % smaller if {axis} were exact.",
-    )
-    assert information(estimate(FRONT), budget=terms).messages == (
-        f"Its variance would be 50 % smaller if {axis} were exact, 30 % if {rear} were.",
-    )
-    (noise,) = information(estimate(FRONT, sigma=0.2), noise_sigma=0.1).messages
-    assert noise.startswith("Sigma is 2.0 times the sigma from sensor noise alone")
-    assert information(estimate(FRONT, sigma=None), noise_sigma=0.1).messages == ()
-
-
 def test_the_remaining_uncertainty_is_that_of_the_estimates(result):
     identification = result.identification
     remaining = identification.remaining_uncertainty
@@ -123,19 +93,3 @@ def test_the_remaining_uncertainty_is_that_of_the_estimates(result):
         fractions = [term.fraction for term in variance_budget(result.identification, e.name)]
         assert fractions == sorted(fractions, reverse=True)
         assert all(0 <= fraction < 1 for fraction in fractions)
-
-
-def test_one_or_two_terms_above_half_of_the_variance_dominate(result):
-    e = result.identification[HEIGHT]
-    wide = replace(e, sigma=0.1 * e.value)
-
-    def dominant(*fractions, estimate=wide):
-        budget = {HEIGHT: dict(zip("abc", fractions, strict=False))}
-        of = replace(result.identification, parameters=(estimate,), variance_budget=budget)
-        return "".join(term.source for terms in dominant_terms(of).values() for term in terms)
-
-    assert dominant(0.51, 0.4) == "a"
-    assert dominant(0.5, 0.3, 0.1) == "ab"
-    assert dominant(0.3, 0.2) == dominant(0.3, 0.19) == dominant(0.25, 0.25) == dominant(0.4, 0.05) == ""
-    assert dominant(0.3, 0.21, 0.2) == "ab"
-    assert dominant(0.51, estimate=replace(e, sigma=0.04 * e.value)) == ""

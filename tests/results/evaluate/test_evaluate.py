@@ -121,21 +121,14 @@ def test_a_missing_roll_angle_gaps_and_reference_signals_are_noted(truck, logs):
     assert any("Reference signals are evaluated too: sideslip.tractor" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("test", ["frequency_response", "pulse"])
-def test_measured_signals_come_before_reference_signals(truck, logs, test):
-    """A reference signal gives no sigma, and the pulse takes a measured yaw rate instead of it."""
-    log = logs[test]
+def test_measured_signals_come_before_reference_signals(truck, logs):
+    """The pulse takes a measured yaw rate instead of a reference signal, which would give no sigma."""
+    log = logs["pulse"]
     kept = {n: v for n, v in log.signals.items() if n != "articulation.semitrailer"}
     referred = {"articulation.semitrailer": log.signals["articulation.semitrailer"]}
-    found = fw.evaluate(Record(time=log.time, signals=kept, reference=referred), test, vehicle=truck)
-    if test == "pulse":
-        assert found["yaw_damping"].signals == ("yaw_rate.semitrailer",)
-        assert found["yaw_damping"].sigma > 0
-    else:
-        assert found["gain.articulation.semitrailer"].sigma is None
-        assert np.isnan(found.arrays["gain_sigma.articulation.semitrailer"]).all()
-        assert found["gain.yaw_rate.tractor"].sigma > 0
-        assert found.plots()
+    found = fw.evaluate(Record(time=log.time, signals=kept, reference=referred), "pulse", vehicle=truck)
+    assert found["yaw_damping"].signals == ("yaw_rate.semitrailer",)
+    assert found["yaw_damping"].sigma > 0
 
 
 def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):

@@ -78,24 +78,6 @@ def test_the_rearward_amplification_is_that_of_the_true_signals(truck):
     assert all(c.met is not False for c in found.conditions)
 
 
-@pytest.mark.slow
-def test_steps_to_both_sides_with_a_return(truck):
-    """Each step ends with the steer angle of the straight entry."""
-
-    def returned(run):
-        straight = {name: values[:40].mean() for name, values in run.signals.items()}
-        signals = {n: np.append(values, np.full(150, straight[n])) for n, values in run.signals.items()}
-        return Record(time=np.arange(len(run) + 150) / 50, signals=signals)
-
-    sensors = {name: NOISE[name] for name in ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll.semitrailer")}
-    runs = [log(truck, "step", sensors=sensors, seed=k, rate=50.0) for k in range(4)]
-    one = fw.evaluate(runs[0], "step", vehicle=truck)
-    four = fw.evaluate(repeated([returned(run) for run in runs]), "step", vehicle=truck)
-    assert four.notes[0] == "4 manoeuvres: 2 to the left, 2 to the right."
-    for name in ("steady_gain.yaw_rate.tractor", "response_time.yaw_rate.semitrailer", "overshoot.roll.semitrailer"):
-        assert four[name].value == pytest.approx(one[name].value, abs=4 * one[name].sigma)
-
-
 def test_the_damping_is_that_of_the_eigenvalues(truck):
     """Soft tyres of the trailer: one mode of yaw decays much slower than everything else."""
     soft = truck.replace({"semitrailer.cornering_stiffness": 5.0e5})

@@ -267,22 +267,6 @@ def test_a_clock_that_was_set_back_is_a_new_start(plain: Exported, lane: Record)
     observer.reset()
 
 
-def test_a_time_that_is_not_later_changes_nothing(plain: Exported, lane: Record) -> None:
-    observer, replay = plain
-    rows = np.column_stack([lane.time, *[lane.signals[name] for name in (*observer.inputs, *observer.outputs)]])
-    good = ",".join(map(repr, rows[0].tolist()))
-    wrong = [",".join([text, *map(str, rows[0, 1:])]) for text in ("0.0", "-1.0", "nan", "inf")]
-    later = ",".join(map(repr, rows[1].tolist()))
-    done = subprocess.run([replay], input="\n".join([good, *wrong, later]), capture_output=True, text=True, check=True)
-    assert done.stderr.count("time is not after") == len(wrong)
-    assert len(done.stdout.splitlines()) == 3
-    observer.reset()
-    answers = [
-        observer.push(dict(zip(("time", *observer.inputs, *observer.outputs), row, strict=True))) for row in rows[:2]
-    ]
-    assert float(done.stdout.splitlines()[2].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
-
-
 def test_the_program_reads_a_file_with_names(plain: Exported, lane: Record, tmp_path: Path) -> None:
     """In any order, with other columns, units and empty fields; another unit or a missing signal is refused."""
     observer, replay = plain

@@ -127,28 +127,6 @@ def test_what_was_driven(result):
     assert len(beside.blocks) == 1
 
 
-def test_of_many_logs_three_are_drawn_before_the_appendix(result, tmp_path):
-    identification, names = result.identification, [f"log{k}" for k in range(5)]
-    fit, log = identification.fits[0], identification.logs[0]
-    fits = [replace(fit, log=name, identified_on=name != "log4") for name in names]
-    logs = [replace(log, name=name) for name in names[:4]]
-    many = replace(identification, fits=tuple(fits), logs=tuple(logs))
-    records = [replace(result.records[0], name=name) for name in names]
-    write_report(tmp_path / "report.html", many, records, [], title="truck")
-    main, appendix = (tmp_path / "report.html").read_text(encoding="utf-8").split('<section id="appendix">')
-    shown = main[main.index('id="fits"') :]
-    assert [name for name in names if f"<figcaption>{name}" in shown] == ["log0", "log1", "log4"]
-    assert "Measured and predicted, 2 more logs" in appendix
-    assert "<figcaption>log3<" in appendix
-    names = names[:3]  # many channels leave room for fewer
-    fits = [replace(fit, log=name, signal=f"roll_rate.unit{k}") for name in names for k in range(8)]
-    many = replace(many, fits=tuple(fits), logs=tuple(logs[:3]))
-    write_report(tmp_path / "report.html", many, [], [], title="truck")
-    main, appendix = (tmp_path / "report.html").read_text(encoding="utf-8").split('<section id="appendix">')
-    assert [name for name in names if f"<figcaption>{name}" in main] == ["log0", "log1"]
-    assert "Measured and predicted, 1 more log<" in appendix
-
-
 def test_without_fits_states_and_date_they_are_left_out(result, tmp_path):
     path, without = tmp_path / "report.html", replace(result.identification, fits=())
     write_report(path, without, [], [], title="truck", provenance=Provenance())

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.formatting import with_sigma
-from fifthwheel.base.pages import CaptionedPlot
-from fifthwheel.base.pages.html import save_images
 from fifthwheel.base.plots import Plot, downsample, plotly_figure
 from fifthwheel.base.plots.items import rgba
 from fifthwheel.estimate.identify.result import display
@@ -189,11 +187,6 @@ def test_a_prediction_that_diverges(result, tmp_path):
     assert "explained" in parsed.text
 
 
-def yaw_rate(states, record=None):
-    plot = Plot(panels=[states.panel("yaw_rate.tractor", record)])
-    return CaptionedPlot("yaw rate", plot, "log", (states.name, "states", "yaw_rate.tractor"))
-
-
 @pytest.mark.slow
 def test_every_figure_of_the_page_is_written(result, tmp_path):
     path = tmp_path / "report.html"
@@ -205,16 +198,3 @@ def test_every_figure_of_the_page_is_written(result, tmp_path):
     history = tmp_path / "figures" / "parameters" / "history" / "tractor.front.cornering_stiffness.svg"
     assert history in written
     assert "kN/rad" in history.read_text()
-
-
-@pytest.mark.slow
-def test_other_kinds_and_the_same_figure_in_the_same_file(result, tmp_path):
-    for kind, start in (("png", b"\x89PNG"), ("pdf", b"%PDF")):
-        (path,) = save_images(tmp_path, [yaw_rate(result.states[1], result.records[1])], kind)
-        assert path.read_bytes().startswith(start)
-        assert path.parent.name == "states"
-    fit = result.identification.fits[0]
-    figure = CaptionedPlot("fit", Plot(panels=[display.fit_panel(fit)] * 2), "log", ("log", "fit", fit.signal))
-    first, second = save_images(tmp_path, [figure, figure], "svg")
-    assert first != second
-    assert first.read_bytes() == second.read_bytes()
