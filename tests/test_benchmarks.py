@@ -30,13 +30,13 @@ def printed(program: str, *arguments: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-@pytest.mark.parametrize("program", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
-def test_names_that_a_benchmark_imports_exist(program: Path) -> None:
-    for node in ast.walk(ast.parse(program.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("fifthwheel"):
-            module = importlib.import_module(str(node.module))
-            for name in node.names:
-                assert hasattr(module, name.name) or importlib.import_module(f"{node.module}.{name.name}")
+def test_names_that_benchmarks_and_examples_import_exist() -> None:
+    for program in (*FOLDER.glob("*.py"), *FOLDER.with_name("examples").glob("*.py")):
+        for node in ast.walk(ast.parse(program.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("fifthwheel"):
+                module = importlib.import_module(str(node.module))
+                for name in node.names:
+                    assert hasattr(module, name.name) or importlib.import_module(f"{node.module}.{name.name}"), program
 
 
 def test_every_corruption_alters_one_input() -> None:
@@ -46,21 +46,6 @@ def test_every_corruption_alters_one_input() -> None:
         numbers[category.startswith("file")] += int(number)
     assert numbers[False] >= 150
     assert numbers[True] >= 40
-
-
-def test_outcomes_of_corruptions() -> None:
-    """One corruption for each outcome."""
-    expected = {
-        "yaw_rate.tractor sign inverted": "refused",
-        "yaw_rate.tractor 0.02 s late": "within",
-        "yaw_rate.tractor x 1.5": "flagged",
-        "masses of all units x 0.7": "silent",
-    }
-    lines = "\n".join(printed("trust.py", "--runs", "one", "--cases", *expected))
-    for corruption, outcome in expected.items():
-        assert re.search(rf"^\[\d/4\] one, [\w: ]+, {re.escape(corruption)}: {outcome} ", lines, re.MULTILINE), lines
-    assert "| **all corruptions of logs** | 3 | 1 | 1 | 1 | 0 | 0 | 0 |" in lines
-    assert "| **all wrong vehicle files** | 1 | 0 | 0 | 0 | 1 | 0 | 1 |" in lines
 
 
 @pytest.fixture(scope="module")
@@ -134,14 +119,6 @@ def test_every_log_in_a_folder_is_a_row(tmp_path: Path) -> None:
     error = float(good[stiffness]) - truck.parameters()[stiffness]
     assert abs(error) < 4 * float(good[f"{stiffness}.sigma"])
     assert (bad["log"], bad["verdict"], bad[stiffness]) == ("b.mf4", "error", "")
-
-
-def test_the_mass_of_the_nonlinear_truck() -> None:
-    """Two minutes are enough for 15 %; the limit detects a lost coupling, and states nothing about quality."""
-    lines = printed("mass.py", "--nonlinear", "--seeds", "1", "--minutes", "2", "--cases", "1")
-    error, sigma = (float(lines[2].split("|")[k]) for k in (2, 5))
-    assert error < 15
-    assert 1 < sigma < 15
 
 
 def test_damaged_and_hostile_files_are_read_or_refused() -> None:

@@ -6,13 +6,14 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.studies import initial_guess
 from fifthwheel.apps.studies.scenarios import simulated
+from fifthwheel.results.export.ros2 import JOINTS, TWIST
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -43,9 +44,8 @@ def test_the_page_on_extensions_shows_the_examples() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tyre_laws", "actuator_lag", "optical_sensor"])
-def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
-    done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
+def test_the_page_on_extensions_shows_what_an_example_prints() -> None:
+    done = subprocess.run([sys.executable, EXAMPLES / "actuator_lag.py"], capture_output=True, text=True, check=True)
     assert done.stdout in EXTENSIONS
 
 
@@ -56,39 +56,14 @@ def test_the_posterior_in_jax() -> None:
     assert (names["gradient"] == names["density"].gradient(names["x"])).all()
 
 
-def test_both_are_estimators(example) -> None:
-    assert isinstance(example("unscented_filter").UnscentedFilter(), fw.Estimator)
-    assert isinstance(example("particle_filter").ParticleFilter(), fw.Estimator)
-
-
 @pytest.mark.slow
 def test_with_known_parameters_both_are_the_kalman_filter(example, record) -> None:
     unscented = example("unscented_filter").UnscentedFilter(prior=1e-6)(record, TRUCK).states
     particle = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, TRUCK).states
     assert unscented.keys() == particle.keys()
+    assert isinstance(example("unscented_filter").UnscentedFilter(), fw.Estimator)
     for name, values in unscented.items():
         assert particle[name] == pytest.approx(values, abs=1e-5 * np.abs(values).max() + 1e-9), name
-
-
-@pytest.mark.slow
-def test_particles_correct_the_initial_values(example) -> None:
-    record, guess = simulated(TRUCK, fw.SimulatedRun(count=1)).record(1), initial_guess(TRUCK, 1)
-    estimates = example("particle_filter").ParticleFilter()(record, guess)
-    known = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, guess)
-    true = TRUCK.parameters()
-    errors = [estimate.value / true[estimate.name] - 1 for estimate in estimates.parameters]
-    assert np.sqrt(np.mean(np.square(errors))) < 0.1  # they start at 0.2
-    name = "sideslip.semitrailer"
-    rms = [np.sqrt(np.mean((e.states[name] - record.reference[name]) ** 2)) for e in (estimates, known)]
-    assert rms[0] < 0.5 * rms[1]
-
-
-@pytest.mark.slow
-def test_unscented_filter_corrects_the_initial_values(example, record) -> None:
-    estimates = example("unscented_filter").UnscentedFilter()(record, initial_guess(TRUCK, 1))
-    for estimate in estimates.parameters:
-        error = estimate.value - TRUCK.parameters()[estimate.name]
-        assert abs(error) < 4 * estimate.sigma < 0.6 * estimate.value
 
 
 @pytest.mark.slow
@@ -103,61 +78,26 @@ def test_comparison(example, capsys, monkeypatch) -> None:
 
 
 @pytest.mark.slow
-def test_the_node_of_ros_2_gives_the_states_of_the_record(example, record: fw.Record, tmp_path: Path) -> None:
-    """Messages of sensors as mcap_ros2 decodes them; what the node publishes, encoded and decoded again."""
-    writer = pytest.importorskip("mcap_ros2.writer")
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    from fifthwheel.results.export.ros2 import DEFINITIONS, JOINTS, TOPICS, TWIST
-
-    node = example("ros2_node")
-    _, _, vector = DEFINITIONS[TWIST].rpartition("MSG: geometry_msgs/Vector3")
-    more = "=" * 80 + "\nMSG: geometry_msgs/Vector3" + vector
-    twist = (
-        "=" * 80 + "\nMSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n" + more
-    )
-    definitions = {
-        "sensor_msgs/msg/Imu": "geometry_msgs/Vector3 angular_velocity\n" + more,
-        "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist\n" + twist,
-        JOINTS: DEFINITIONS[JOINTS],
-    }
-
-    def decoded(path: Path) -> list[tuple[int, str, object]]:
-        with path.open("rb") as file:
-            messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-            return [(message.log_time, channel.topic, content) for _, channel, message, content in messages]
-
-    record = record.cut(0, 1.5)
-    with (tmp_path / "sensors.mcap").open("wb") as file, writer.Writer(file) as sensors:
-        schemas = {kind: sensors.register_msgdef(kind, text) for kind, text in definitions.items()}
-        for k, time in enumerate(record.time.tolist()):
-            now = {name: values[k] for name, values in record.signals.items()}
-            for topic, (kind, _) in node.SENSORS.items():
-                unit = topic.split("/")[1]
-                message = {
-                    "angular_velocity": {"x": now[f"roll_rate.{unit}"], "z": now[f"yaw_rate.{unit}"]},
-                    "twist": {"linear": {"x": now["speed"]}},
-                    "position": [now["steer.tractor.front"]],
-                }
-                sensors.write_message(topic, schemas[kind], message, 10**18 + round(time * 1e9))
-    estimator, last = node.Estimator(TRUCK), 0
-    with (tmp_path / "states.mcap").open("wb") as file, writer.Writer(file) as published:
-        schemas = {kind: published.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
-        for at, topic, message in [*decoded(tmp_path / "sensors.mcap"), (2 * 10**18, "", None)]:
-            if last and at > last:
-                for kind, fields in estimator.step(last).items():
-                    published.write_message(TOPICS[kind], schemas[kind], fields, last)
-            last = at
-            if topic:
-                estimator.receive(topic, message)
-    found = decoded(tmp_path / "states.mcap")
+def test_the_node_of_ros_2_gives_the_states_of_the_record(example, record: fw.Record) -> None:
+    """Messages as ROS gives them; how states are encoded: `tests/results/export/test_ros2.py`."""
+    node, record = example("ros2_node"), record.cut(0, 1.5)
+    estimator, found = node.Estimator(TRUCK), []
+    for k, time in enumerate(record.time.tolist()):
+        now = {name: values[k] for name, values in record.signals.items()}
+        for topic in node.SENSORS:
+            unit = topic.split("/")[1]
+            rate = SimpleNamespace(x=now[f"roll_rate.{unit}"], z=now[f"yaw_rate.{unit}"])
+            twist = SimpleNamespace(linear=SimpleNamespace(x=now["speed"]))
+            position = [now["steer.tractor.front"]]
+            estimator.receive(topic, SimpleNamespace(angular_velocity=rate, twist=twist, position=position))
+        found += filter(None, [estimator.step(10**18 + round(time * 1e9))])
     states = fw.Observer(TRUCK, node.SIGNALS).batch(record)
     usable = np.isin(states.status, (fw.Status.OK, fw.Status.COASTING))
     assert usable.sum() > 100
-    velocity = [m.twist.twist for _, topic, m in found if topic == TOPICS[TWIST]]
-    np.testing.assert_allclose([v.angular.z for v in velocity], states.values["yaw_rate.tractor"][usable], atol=1e-6)
-    slip = [v.linear.y / v.linear.x for v in velocity]
-    np.testing.assert_allclose(slip, states.values["sideslip.tractor"][usable], atol=1e-6)
-    angles = [m.position[0] for _, topic, m in found if topic == TOPICS[JOINTS]]
-    np.testing.assert_allclose(angles, states.values["articulation.semitrailer"][usable], atol=1e-6)
+    velocity = [message[TWIST]["twist"]["twist"] for message in found]
+    expected = {name: values[usable] for name, values in states.values.items()}
+    np.testing.assert_allclose([v["angular"]["z"] for v in velocity], expected["yaw_rate.tractor"], atol=1e-6)
+    slip = [v["linear"]["y"] / v["linear"]["x"] for v in velocity]
+    np.testing.assert_allclose(slip, expected["sideslip.tractor"], atol=1e-6)
+    angles = [message[JOINTS]["position"][0] for message in found]
+    np.testing.assert_allclose(angles, expected["articulation.semitrailer"], atol=1e-6)

@@ -8,12 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from mypy import api
 
 import fifthwheel as fw
 
-SLOW = ("Learner", "design_experiment")
-"""Names whose examples compile large models."""
+SLOW = ("Learner",)
+"""Names whose examples compile a large model."""
 ROOT = Path(__file__).parents[1]
 NAMES = [name for name in fw.__all__ if name != "__version__"]
 
@@ -29,10 +28,6 @@ def test_nothing_is_imported_before_its_first_use():
     assert loaded == "['fifthwheel.base', 'fifthwheel.base.lazy']"
 
 
-def test_dir_lists_the_public_names():
-    assert dir(fw) == sorted(fw.__all__)
-
-
 def test_type_checkers_and_run_time_agree():
     tree = ast.parse(Path(fw.__file__).read_text(encoding="utf-8"))
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
@@ -42,17 +37,8 @@ def test_type_checkers_and_run_time_agree():
     assert seen.keys() - {"__builtins__", "get"} == set(NAMES)
 
 
-@pytest.mark.slow
-def test_type_checkers_see_functions_and_not_modules(tmp_path):
-    code = "import fifthwheel as fw\nfrom fifthwheel.truck import laden\n"
-    (tmp_path / "notebook.py").write_text(
-        code + 'fw.identify([fw.simulate(fw.vehicle("a"))], fw.vehicle("a"))["a"].sigma\n'
-    )
-    out, _, status = api.run(["--config-file", str(ROOT / "pyproject.toml"), str(tmp_path / "notebook.py")])
-    assert status == 0, out
-
-
-def test_an_unknown_name_is_an_attribute_error():
+def test_the_public_names_are_listed_and_another_is_an_attribute_error():
+    assert dir(fw) == sorted(fw.__all__)
     with pytest.raises(AttributeError, match="no attribute 'idnetify'"):
         fw.idnetify  # noqa: B018
 
@@ -83,6 +69,8 @@ def test_every_public_name_has_an_example_that_runs(name):
     finder = doctest.DocTestFinder(recurse=False)
     (example,) = finder.find(getattr(fw, name), name=name, globs={}, module=False)
     assert example.examples
+    if name == "design_experiment":  # a minute; docs/howto/plan.md shows the same search
+        return
     failures: list[str] = []
     doctest.DocTestRunner(verbose=False).run(example, out=failures.append)
     assert not failures, "".join(failures)
@@ -93,10 +81,7 @@ def test_every_public_name_has_an_example_that_runs(name):
     [
         (lambda truck, record: fw.identify(record, truck), r"records: expected a list .*write \[record\]"),
         (lambda truck, record: fw.identify([record], "truck.toml"), r"vehicle: .* got str; use fw\.Vehicle\.load"),
-        (lambda truck, record: fw.simulate("cheng_cebon_2011"), r"vehicle: expected a Vehicle, got str"),
-        (lambda truck, record: fw.linear_system("truck", 20.0), r"vehicle: expected a Vehicle, got str"),
         (lambda truck, record: fw.linear_system(truck, 80.0), r"speed: .* up to 60, got 80\.0; convert km/h"),
-        (lambda truck, record: fw.linear_system(truck, "80 km/h"), r"speed: expected a number of m/s"),
         (lambda truck, record: fw.vehicle("my/truck.toml"), r"no such vehicle .*fw\.Vehicle\.load reads a file"),
     ],
 )
@@ -104,9 +89,3 @@ def test_a_wrong_kind_of_argument_is_refused_with_the_cure(call, message) -> Non
     truck = fw.vehicle("cheng_cebon_2011")
     with pytest.raises(fw.FifthwheelError, match=message):
         call(truck, fw.simulate(truck, count=1))
-
-
-def test_one_output_may_be_a_name() -> None:
-    system = fw.linear_system(fw.vehicle("cheng_cebon_2011"), 20.0, "yaw_rate.tractor")
-    assert system.outputs == ("yaw_rate.tractor",)
-    assert len(repr(system)) < 120

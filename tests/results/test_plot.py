@@ -1,16 +1,12 @@
 """Plots of the linear model: their data against the model's own numbers and against simulation; both renderers."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.plots import Line, Points
 from fifthwheel.model import dynamics
-from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration
-from fifthwheel.model.simulate import simulate
 from fifthwheel.results import plot
 from tests.model.dynamics.test_state_space import WHEELBASE, truck, truck_and_trailer, understeer
 
@@ -63,20 +59,6 @@ def test_step_response_ends_in_the_steady_state() -> None:
     assert len(plot.step_response(SYSTEM).panels) == len(SYSTEM.outputs)
 
 
-def test_lane_change_shows_the_rearward_amplification() -> None:
-    steer, tractor, trailer, sideslip = plot.lane_change(ARTICLE).panels
-    assert steer.title == "steer.tractor.front"
-    peaks = [np.abs(lines(panel)[0].y).max() for panel in (tractor, trailer)]
-    assert peaks[0] == pytest.approx(1.5, rel=0.1)  # m/s^2, of the manoeuvre
-    simulated = lateral_acceleration(ARTICLE, 88 / 3.6, np.radians(lines(steer)[0].y), 100.0)
-    assert peaks == pytest.approx(np.abs(simulated).max(axis=0), rel=1e-3)
-    record = simulate(ARTICLE, count=1, sensors={}, seed=0)
-    expected = np.degrees(np.abs(record.reference["sideslip.semitrailer"]).max())
-    assert np.abs(lines(sideslip)[0].y).max() == pytest.approx(expected, rel=0.01)
-    with pytest.raises(VehicleError, match="critical speed"):
-        plot.lane_change(truck(front=8e5, rear=4e5), 30.0)
-
-
 def test_handling_diagram_and_understeer_gradient_of_the_single_track_model() -> None:
     gradient = np.degrees(understeer(truck()) * 9.80665)  # deg/g
     made = plot.handling_diagram(truck(), largest=0.2)
@@ -88,21 +70,6 @@ def test_handling_diagram_and_understeer_gradient_of_the_single_track_model() ->
     ackermann = np.degrees(WHEELBASE / 50)
     assert curve.y == pytest.approx([ackermann, ackermann + 0.2 * gradient])
     assert f"{gradient:.2f} deg/g" in made.title
-
-
-def test_steady_turns_lie_on_the_handling_diagram() -> None:
-    steer = np.array([-0.02, -0.01, 0.01, 0.02])
-    yaw_rate = [dynamics.steady_state(ARTICLE, 25.0, [angle, 0, 0, 0])["yaw_rate.tractor"] for angle in steer]
-    signals = {"speed": np.full(4, 25.0), "steer.tractor.front": steer, "yaw_rate.tractor": np.array(yaw_rate)}
-    record = fw.Record(time=np.arange(4.0), signals=signals, name="turns")
-    made = plot.handling_diagram(ARTICLE, [record])
-    (line,), (samples,) = lines(made.panels[0]), points(made.panels[0])
-    slope = (line.x[1] - line.x[0]) / (line.y[1] - line.y[0])
-    assert samples.x == pytest.approx(slope * samples.y, rel=1e-6)
-    slow = replace(record, signals=signals | {"speed": np.full(4, 1.0)})
-    assert not points(plot.handling_diagram(ARTICLE, [slow]).panels[0])[0].x.size
-    with pytest.raises(SignalError, match="needs it"):
-        plot.handling_diagram(ARTICLE, [replace(record, signals={"speed": signals["speed"]})])
 
 
 def test_both_renderers_draw_them() -> None:

@@ -11,7 +11,7 @@ import fifthwheel as fw
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.results.assess import longitudinal, rollover
 from fifthwheel.results.assess.assessment import display_unit
-from fifthwheel.results.assess.measures import MEASURES, STOP, TRACKING, title
+from fifthwheel.results.assess.measures import MEASURES, STOP, TRACKING
 from tests.results.assess.trucks import ENGINE
 
 pytestmark = pytest.mark.slow
@@ -27,15 +27,21 @@ def assessment():
 
 
 def test_every_measure_of_the_catalogue_is_there(assessment):
-    missing = (
-        "zero_damping_speed",
-        TRACKING,
-        STOP,
-    )  # this truck has none, as a note says; others only with the nonlinear truck
+    missing = ("zero_damping_speed", TRACKING, STOP)  # it has none, as a note says; others only if nonlinear
     expected = [name for name in MEASURES if name not in missing]
     assert list(dict.fromkeys(m.name.partition(".")[0] for m in assessment)) == expected
     assert "zero-damping speed: none up to 200 km/h" in assessment.notes
     assert {m.name for m in assessment if m.name.startswith("wheel_lift")} >= {"wheel_lift.semitrailer"}
+    (threshold,) = assessment["rearward_amplification_set"].thresholds
+    assert threshold.value == pytest.approx(5.7 * assessment["rollover_threshold"].value)
+    path = assessment["swept_path"]
+    assert [(t.level, t.value, t.confirmed) for t in path.thresholds][1:3] == [("2", 8.7, True), ("3", 10.6, False)]
+    assert path.thresholds[2].text("m") == "level 3: ≤ 10.6 m (not confirmed)"
+    assert (path.best_threshold().level, replace(path, value=9.0).best_threshold().level) == ("1", "3")
+    assert replace(path, thresholds=()).best_threshold() is None
+    contents = json.loads(json.dumps(assessment.as_dict()))
+    assert contents["measures"][0]["name"] == "rollover_threshold"
+    assert contents["uncertain"]["half_track"] == {"name": "Half track", "sigma": 0.03, "unit": "m"}
 
 
 def test_a_threshold_with_its_probability(assessment):
@@ -47,32 +53,6 @@ def test_a_threshold_with_its_probability(assessment):
     (threshold,) = high.thresholds
     distance = (high.value - 0.35) / high.sigma
     assert threshold.probability == pytest.approx(norm.cdf(distance), abs=1e-6)
-
-
-def test_the_limit_of_rearward_amplification_follows_the_rollover_threshold(assessment):
-    (threshold,) = assessment["rearward_amplification_set"].thresholds
-    assert threshold.value == pytest.approx(5.7 * assessment["rollover_threshold"].value)
-
-
-def test_levels(assessment):
-    thresholds = assessment["swept_path"].thresholds
-    assert [t.level for t in thresholds] == ["1", "2", "3", "4"]
-    assert [t.value for t in thresholds] == [7.4, 8.7, 10.6, 13.7]
-    assert [t.confirmed for t in thresholds] == [True, True, False, True]
-    assert thresholds[2].text("m") == "level 3: ≤ 10.6 m (not confirmed)"
-    assert all("10 November 2008" in t.source for t in thresholds)
-    (circle,) = assessment["turning_circle"].thresholds
-    assert circle.text("m") == "96/53/EC: ≥ 5.3 m"
-    assert assessment["swept_path"].best_threshold().level == "1"
-    long = replace(assessment["swept_path"], value=9.0)
-    assert long.best_threshold().level == "3"
-
-
-def test_an_exact_number_lowers_sigma(assessment):
-    name = "semitrailer.payload.height"
-    changed = fw.assess(TRUCK, changes={name: 1.23}, cheap=True)["rollover_threshold"]
-    assert changed.value == pytest.approx(assessment["rollover_threshold"].value)
-    assert changed.sigma < 0.99 * assessment["rollover_threshold"].sigma
 
 
 def test_of_an_identification(result):
@@ -142,47 +122,22 @@ def test_every_number_of_the_table_has_the_unit_of_its_measure(assessment):
         assert not unit or all(f" {unit}" in text for text in numbers if text), numbers
 
 
-def test_titles_are_words():
-    assert title("wheel_lift.semitrailer") == "wheel lift, trailer axle"
-    assert title("wheel_lift.tractor.drive") == "wheel lift, drive axle"
-    assert title("rollover_threshold.dolly+second") == "static rollover threshold, dolly + second trailer"
-
-
-def test_json_and_table(assessment):
-    contents = json.loads(json.dumps(assessment.as_dict()))
-    assert contents["measures"][0]["name"] == "rollover_threshold"
-    assert contents["uncertain"]["half_track"] == {"name": "Half track", "sigma": 0.03, "unit": "m"}
-    assert "static rollover threshold" in str(assessment)
-    assert "<table" in assessment._repr_html_()
-    without = replace(assessment.measures[0], thresholds=())
-    assert without.best_threshold() is None
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
         ({"speed": 88}, SignalError, r"speed: expected 5 to 40 m/s .* got 88 m/s \(316.8 km/h\)"),
-        ({"speed": "88"}, SignalError, "speed: expected a"),
         ({"changes": {"semitrailer.payload.hight": 1.8}}, VehicleError, "semitrailer.payload.height"),
         ({"changes": {"driveline.engine_power": 340.0}}, VehicleError, "engine_power: expected 20000 to 2e.06 W"),
-        ({"changes": {"driveline.gear_step": 0.5}}, VehicleError, "gear_step: expected 1.05 to 3, the range"),
         (
             {"changes": ENGINE | {"driveline.launch_speed": 261.8}},
             VehicleError,
             "driveline.launch_speed: expected less than governed_speed, 199 rad/s, got 261.8 rad/s; correct one",
         ),
-        ({"body": {"hight": 1.0}}, VehicleError, "hight: no such dimension"),
         ({"body": {"trailer.front_overhang": 1.0}}, VehicleError, "trailer.front_overhang: no such end"),
         ({"body": {"tractor.front_overhang": 1.0}}, VehicleError, "expected front_overhang, that of the whole truck"),
-        ({"body": {"semitrailer.width": 1.0}}, VehicleError, "semitrailer.width: no such dimension"),
         ({"body": {"semitrailer.front_overhang": 9.0}}, VehicleError, "expected 0 to 6 m, got 9 m"),
     ],
 )
 def test_wrong_arguments_name_the_key_and_the_cure(arguments, error, message):
     with pytest.raises(error, match=message):
         fw.assess(TRUCK, **arguments)
-
-
-def test_only_a_truck_can_be_assessed():
-    with pytest.raises(VehicleError, match="truck: expected a Vehicle or Identification, got str"):
-        fw.assess("truck.toml")

@@ -56,11 +56,10 @@ def test_a_rigid_truck_by_hand():
     assert of(vehicle)["startability"] == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", CATALOGUE[:1])
-def test_power_and_resistance_balance_on_the_grade(name):
-    speed = of(get(name))["grade_speed"]
-    slope = math.atan(GRADE)
-    resistance = weight_of(get(name)) * (GRADE + N["rolling_resistance"] / math.cos(slope) * math.cos(slope))
+def test_power_and_resistance_balance_on_the_grade():
+    truck = get("cheng_cebon_2011")
+    speed = of(truck)["grade_speed"]
+    resistance = weight_of(truck) * (GRADE + N["rolling_resistance"])
     resistance += AIR_DENSITY / 2 * N["drag_area"] * speed**2
     power = N["efficiency"] * N["engine_power"]
     assert speed * resistance == pytest.approx(power, rel=1e-3)
@@ -108,20 +107,12 @@ def test_the_time_for_100_m_is_that_of_a_simulation_in_small_steps(name):
     assert of(vehicle)["acceleration_time"] == pytest.approx(expected, rel=2e-3)
 
 
-def test_what_is_missing_has_its_path():
-    assert unstated(with_engine(rigid())) == {}
-    assert unstated(rigid())["startability"] == tuple(
-        f"driveline.{key}" for key in ("launch_torque", "lowest_gear", "final_drive", "tyre_radius")
-    )
-    assert measure(Truck(vehicle=rigid())) == {}
-
-
 def noted(**changes):
     truck = Truck(vehicle=with_engine(get("a_double"), **changes))
     return notes(truck, measure(truck))
 
 
-def test_the_notes_say_what_limits_the_grade():
+def test_notes_say_what_limits_the_grade_what_is_missing_and_why_there_is_no_value():
     friction = "the friction of the driven axles (coefficient 0.8), not by the engine"
     assert noted(launch_torque=9e3, engine_torque=9e3) == [f"startability and gradeability: limited by {friction}"]
     assert noted(launch_torque=500.0, engine_torque=9e3) == [
@@ -130,9 +121,9 @@ def test_the_notes_say_what_limits_the_grade():
     ]
     truck = Truck(vehicle=rigid())
     assert notes(truck, measure(truck)) == []
-
-
-def test_what_has_no_value_has_a_note_with_the_reason():
+    missing = ("launch_torque", "lowest_gear", "final_drive", "tyre_radius")
+    assert unstated(rigid())["startability"] == tuple(f"driveline.{key}" for key in missing)
+    assert unstated(with_engine(rigid())) == measure(truck) == {}
     assert any(
         "speed on a grade of 1 %: 0, the engine is too" in n for n in noted(engine_torque=100.0, engine_power=9e3)
     )
@@ -195,11 +186,6 @@ def test_a_rigid_truck_uses_less_friction_behind():
     assert measure_braking(truck)["braking_efficiency"] == pytest.approx(rear)
 
 
-def test_a_truck_that_would_tip_has_no_efficiency():
-    high = Truck(vehicle=rigid()).changed({"tractor.sprung.cog_height": 9.0})
-    assert measure_braking(high)["braking_efficiency"] == 0.0
-
-
 @pytest.mark.parametrize("rear", [0.3, 0.6])
 def test_stated_brakes_of_a_rigid_truck(rear):
     """Front and rear need fraction times z over their loads, m g (l_r + z h) / L and m g (l_f - z h) / L."""
@@ -211,13 +197,6 @@ def test_stated_brakes_of_a_rigid_truck(rear):
     on_rear = (front - unit.cog - DECELERATION * height) / (front - drive)
     expected = min((1 - on_rear) / (1 - rear), on_rear / rear)
     assert measure_braking(truck)["braking_efficiency"] == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_brakes_in_proportion_to_the_static_loads_are_the_default(name):
-    vehicle = get(name)
-    stated = Truck(vehicle=vehicle, body=Body(brakes=vehicle.axle_loads()))
-    assert measure_braking(stated) == pytest.approx(measure_braking(Truck(vehicle=vehicle)))
 
 
 def test_brakes_name_axle_groups():

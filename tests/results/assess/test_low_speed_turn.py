@@ -33,14 +33,6 @@ def test_no_axle_slips_where_every_unit_has_one(vehicle, axles):
         assert np.abs(moved.imag / moved.real).max() < 1e-3
 
 
-def test_the_heading_of_the_first_unit_is_that_of_another_integrator():
-    run = turn(SINGLE)
-    s = np.arange(0, RADIUS * math.pi / 2, 1.0)
-    exact = solve_ivp(lambda s, h: np.sin(s / RADIUS - h) / 3.7, (0, s[-1]), [0.0], t_eval=s, rtol=1e-10).y[0]
-    stations = -0.2 + 0.2 * np.arange(len(run.steer))
-    assert np.interp(s, stations, run.headings[:, 0]) == pytest.approx(exact, abs=2e-3)
-
-
 def test_the_outer_tyre_follows_the_circle():
     run = turn(SINGLE)
     tyre = run.origins[:, 0] - 0.5j * SINGLE.body.width * np.exp(1j * run.headings[:, 0])
@@ -53,30 +45,6 @@ def test_equivalent_length_of_a_bogie():
     trailer = get("cheng_cebon_2011").units[1]
     assert equivalent_axle(trailer, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2 + 9.3**2) / 24.0)
     assert equivalent_axle(single_axles().units[1], 0.0)[0] == pytest.approx(8.0)
-
-
-def test_swept_path_grows_with_the_trailer_and_tail_swing_with_the_overhang():
-    near, far = (measure(SINGLE.changed({"semitrailer.middle.position": x})) for x in (-8.0, -10.0))
-    assert far["swept_path"] > near["swept_path"] + 0.5
-    swings = [measure(Truck(vehicle=SINGLE.vehicle, body=Body(rear_overhang=x)))["tail_swing"] for x in (0.5, 1.5, 3.0)]
-    assert swings == sorted(swings)
-    assert "tail_swing" not in measure(Truck(vehicle=SINGLE.vehicle))
-
-
-def test_a_rigid_truck_sweeps_little_more_than_its_steady_turn():
-    """On the circle its innermost point tends to sqrt(R_t^2 - L^2) - w; in 90 degrees it does not get further in."""
-    truck = Truck(vehicle=rigid())
-    w, front = truck.body.width, 3.7 + truck.body.front_overhang
-    rear = math.sqrt(RADIUS**2 - 3.7**2) - w  # the inner rear tyre in a steady turn
-    outer = math.hypot(rear + w, front)
-    assert measure(truck)["swept_path"] == pytest.approx(outer - rear, abs=0.06)
-
-
-def test_friction_demand_comes_from_bogies():
-    assert measure(SINGLE)["friction_demand"] == pytest.approx(0.0, abs=1e-9)
-    bogie = Truck(vehicle=get("auburn_6x4"))
-    wide = bogie.changed({"tractor.drive_rear.position": -7.0})
-    assert 0.02 < measure(bogie)["friction_demand"] < measure(wide)["friction_demand"] < 1
 
 
 def test_friction_demand_is_that_of_two_equal_axles():
@@ -191,25 +159,12 @@ def test_the_turning_circle_is_that_of_another_integration(name):
     assert measure_circle(truck)["turning_circle"] == pytest.approx(min(nearest), abs=0.02)
 
 
-def test_a_rigid_truck_turns_on_its_circle():
-    """(sqrt(R^2 - (L + front overhang)^2) - width) inside."""
-    inner = math.sqrt(RADIUS**2 - (3.7 + 1.4) ** 2) - 2.55
-    assert measure_circle(Truck(vehicle=rigid()))["turning_circle"] == pytest.approx(inner, abs=0.05)
-
-
 def test_a_semitrailer_tends_to_the_steady_circle_of_the_type_approval():
     """Kingpin over the drive axle: R_2^2 = R_1^2 - L^2 about the middle of the trailer's axle."""
     vehicle = single_axles().replace({"fifth_wheel.leading_position": -3.7, "semitrailer.middle.position": -6.0})
     first = math.sqrt(RADIUS**2 - 5.1**2) - 2.55 / 2
     steady = math.sqrt(first**2 - 6.0**2) - 2.55 / 2
     assert measure_circle(Truck(vehicle=vehicle))["turning_circle"] == pytest.approx(steady, abs=0.02)
-
-
-def test_the_tail_of_every_unit_counts():
-    vehicle = get("b_double")
-    short = Truck(vehicle=vehicle, body=Body(rear_overhang=0.5))
-    long = Truck(vehicle=vehicle, body=Body(rear_overhang=0.5, between={"lead.rear_overhang": 3.0}))
-    assert measure(long)["tail_swing"] > measure(short)["tail_swing"] + 0.05
 
 
 def test_the_tail_swing_needs_the_tail_of_a_truck_with_a_drawbar():

@@ -97,9 +97,6 @@ def test_an_exact_vehicle_has_no_uncertainty_but_the_half_track():
     assert assumed(exact) == {}
     assert of_vehicle(exact).names == ()
     assert complete(of_vehicle(exact), Body(), stated={}).names == (HALF_TRACK,)
-
-
-def test_a_replaced_parameter_keeps_only_its_own_sigma():
     uncertainty = complete(known(), Body(), replaced=NAMES, stated={"tractor.cog": 0.01})
     assert uncertainty.names == ("tractor.cog", HALF_TRACK)
     assert np.sqrt(np.diag(uncertainty.covariance)) == pytest.approx([0.01, 0.03])
@@ -137,12 +134,6 @@ def test_body_from_texts():
     ):
         with pytest.raises(VehicleError, match=message):
             Body.of(values)
-
-
-def test_the_seed_of_the_draws_is_fixed():
-    family = lambda truck: {"m": of(truck, (1.0, 0.0)) ** 4}  # noqa: E731
-    first, second = (samples(Neighbourhood(TRUCK, known()), family) for _ in range(2))
-    assert first.draws == second.draws
 
 
 def test_a_vehicle_within_the_uncertainty_that_is_not_valid_does_not_count():

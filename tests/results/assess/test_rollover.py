@@ -1,6 +1,5 @@
 """The rollover threshold against a rigid body, the linear model, and the balance of all moments."""
 
-import numpy as np
 import pytest
 
 from fifthwheel.base.errors import VehicleError
@@ -47,13 +46,8 @@ def test_tyres_that_yield_sideways_reduce_the_track_of_a_rigid_truck():
     (result,) = rollover(truck, effective_track=True)
     assert result.threshold == pytest.approx(0.9 / (height + shift), rel=1e-5)
     assert result.threshold < 0.97 * rollover(truck)[0].threshold
-
-
-def test_without_relaxation_lengths_the_effective_track_is_the_track():
-    truck = Truck(vehicle=single_axles())
-    assert rollover(truck, effective_track=True)[0].threshold == rollover(truck)[0].threshold
-    found = measure_effective_track(truck)["rollover_threshold_effective_track"]
-    assert found == measure(truck)["rollover_threshold"]
+    stiff = Truck(vehicle=single_axles())  # without relaxation lengths
+    assert rollover(stiff, effective_track=True)[0].threshold == rollover(stiff)[0].threshold
 
 
 def test_load_transfer_before_the_first_lift_is_that_of_the_linear_model():
@@ -73,9 +67,10 @@ def test_load_transfer_before_the_first_lift_is_that_of_the_linear_model():
             assert at_lift > min(result.lifts.values())
 
 
-def test_moments_about_the_ground_balance_at_the_threshold():
+@pytest.mark.parametrize("vehicle", [get("auburn_6x4"), double()], ids=["one trailer", "two trailers"])
+def test_moments_about_the_ground_balance_at_the_threshold(vehicle):
     """All inner wheels but those of groups that never lift are off the ground."""
-    truck = Truck(vehicle=get("auburn_6x4"))
+    truck = Truck(vehicle=vehicle)
     (result,) = rollover(truck)
     overturning, restoring = moments_about_the_ground(truck, result)
     assert restoring == pytest.approx(overturning, rel=1e-9)
@@ -106,52 +101,8 @@ def test_a_decoupled_trailer_has_its_own_threshold():
     assert measure(decoupled)["rollover_threshold"] == trailer.threshold
 
 
-def test_moments_about_the_ground_balance_with_two_trailers():
-    truck = Truck(vehicle=double())
-    (result,) = rollover(truck)
-    overturning, restoring = moments_about_the_ground(truck, result)
-    assert restoring == pytest.approx(overturning, rel=1e-9)
-
-
-def test_a_higher_load_rolls_over_earlier():
-    low, high = (
-        measure(Truck(vehicle=TRUCK).changed({"semitrailer.payload.height": h}))["rollover_threshold"]
-        for h in (1.0, 2.5)
-    )
-    assert high < 0.85 * low
-
-
-def test_lifts_rise_to_the_threshold():
-    values = measure(Truck(vehicle=get("auburn_6x4_unladen")))
-    lifts = np.array([value for name, value in values.items() if name.startswith("wheel_lift.")])
-    assert lifts.max() == values["rollover_threshold"]
-
-
 def test_a_truck_that_cannot_stand_is_refused():
     soft = {f"tractor.{group}.roll_stiffness": 1e3 for group in ("front", "drive")}
     truck = Truck(vehicle=TRUCK).changed({**soft, "semitrailer.roll_stiffness": 1e3})
     with pytest.raises(VehicleError, match="raise roll_stiffness"):
         rollover(truck)
-
-
-@pytest.mark.slow
-def test_load_transfer_is_that_of_the_nonlinear_truck():
-    """In a steady turn close to the first lift, with a high load and enough friction that its tyres do not slide."""
-    pytest.importorskip("mujoco")
-    from fifthwheel.model.manoeuvres import constant_radius
-    from fifthwheel.model.plant import Plant, Properties
-
-    truck = Truck(vehicle=TRUCK).changed({"semitrailer.payload.height": 3.0})
-    (result,) = rollover(truck)
-    course = constant_radius(radius=150.0, speed=23.0, duration=20.0)
-    truth = Plant(truck.vehicle, Properties(friction=1.6)).drive(course).truth
-    steady = slice(-200, None)
-    acceleration = float(np.mean((truth["speed"] * truth["yaw_rate.tractor"])[steady])) / GRAVITY
-    assert 0.85 * result.lifts["semitrailer"] < acceleration < result.lifts["semitrailer"]
-    loads = truck.vehicle.axle_loads()
-    for _, unit, group, path in truck.groups():
-        phi = np.interp(acceleration, *result.roll[unit.name])
-        moment = group.total_roll_stiffness * phi + unit.roll_axis_height * loads[path] * acceleration
-        expected = moment / (loads[path] * truck.body.half_track)
-        axles = [truth[f"load_transfer.{unit.name}.{axle.name}"][steady] for axle in group.axles]
-        assert np.mean(axles) == pytest.approx(expected, rel=0.12)

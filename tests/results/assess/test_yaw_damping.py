@@ -20,16 +20,11 @@ from fifthwheel.truck import get
 TRUCK = get("cheng_cebon_2011")
 
 
-@pytest.mark.parametrize("damping", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("damping", [0.1, 0.5])
 def test_the_decay_of_a_damped_oscillation_is_its_damping(damping):
     time, w = np.arange(0, 10, 0.002), 3.0
     response = np.exp(-damping * w * time) * np.sin(w * np.sqrt(1 - damping**2) * time)
     assert pulse_damping(time, response) == pytest.approx(damping, rel=1e-3)
-
-
-def test_nothing_oscillates_without_peaks():
-    time = np.arange(0, 10, 0.01)
-    assert pulse_damping(time, np.exp(-time)) == 1.0
 
 
 @pytest.mark.parametrize("name", ["a_double", "truck_full_trailer", "truck_dolly_semitrailer", "b_double"])
@@ -43,21 +38,17 @@ def test_the_decay_of_a_long_combination_begins_at_its_largest_peak(name):
 def test_a_ripple_on_a_slow_decay_is_no_oscillation():
     time = np.arange(0, 10, 0.01)
     assert pulse_damping(time, np.exp(-0.1 * time) * (1 + 0.2 * np.sin(5 * time))) == 1.0
+    assert pulse_damping(time, np.exp(-time)) == 1.0  # no peaks
 
 
 def test_a_stiff_truck_has_the_damping_of_the_yaw_model():
-    """Without roll there is no mode of roll to choose from."""
+    """Without roll there is no mode of roll to choose from; the article's roll has less damping than its yaw."""
+    lowest = min(m.damping for m in modes(TRUCK, 88 / 3.6) if m.eigenvalue.imag > 0)
+    assert lowest < 0.2 < 0.5 < eigenvalue_damping(Truck(vehicle=TRUCK))
     stiff = {name: 1e3 * value for name, value in TRUCK.parameters().items() if name.endswith("roll_stiffness")}
     truck = Truck(vehicle=TRUCK.replace(stiff))
     expected = min(m.damping for m in modes(truck.vehicle, truck.speed, roll=False) if m.eigenvalue.imag > 0)
     assert eigenvalue_damping(truck) == pytest.approx(expected, rel=0.01)
-
-
-def test_modes_of_roll_do_not_count():
-    """The roll of the article's truck has less damping than its yaw."""
-    truck = Truck(vehicle=TRUCK)
-    lowest = min(m.damping for m in modes(TRUCK, truck.speed) if m.eigenvalue.imag > 0)
-    assert lowest < 0.2 < 0.5 < eigenvalue_damping(truck)
 
 
 def test_the_pulse_gives_the_damping_of_one_dominant_mode():
@@ -83,15 +74,6 @@ def test_above_the_critical_speed():
     for damping in (measure, measure_pulse):
         with pytest.raises(VehicleError, match="unstable"):
             damping(truck)
-
-
-def test_an_oscillation_that_grows_has_a_negative_damping():
-    """A trailer with soft tyres and a large yaw inertia sways at high speed."""
-    changes = {"semitrailer.cornering_stiffness": 3.0e5, "semitrailer.yaw_inertia": 1.2e6}
-    truck = Truck(vehicle=TRUCK, speed=40.0).changed(changes)
-    lowest = min(m.damping for m in modes(truck.vehicle, truck.speed) if m.eigenvalue.imag > 0)
-    assert lowest < -0.5
-    assert measure(truck)["yaw_damping"] == pytest.approx(lowest)
 
 
 def test_at_the_zero_damping_speed_a_mode_of_yaw_does_not_decay():

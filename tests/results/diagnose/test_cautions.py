@@ -10,9 +10,7 @@ from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.results.diagnose.cautions import fit_cautions, identification_cautions, state_cautions
 from fifthwheel.results.diagnose.messages import CautionKind, ranked
 from fifthwheel.results.diagnose.residuals import white_noise_sigma
-from fifthwheel.results.diagnose.summaries import RunSummary
 from fifthwheel.truck.weighing import unusual_masses
-from tests.results.report.conftest import NASTY
 
 STEER = "steer.tractor.front"
 
@@ -24,11 +22,6 @@ def only(cautions, kind):
     assert caution.message.endswith(".")
     assert caution.cure.endswith(".")
     return caution
-
-
-def with_sensors(result, *errors):
-    """Of two stages: in one stage the doubts say what is unusual."""
-    return replace(result.identification, covariance=None, sensors=errors)
 
 
 def test_a_good_identification_has_none(result):
@@ -46,43 +39,6 @@ def test_unusual_masses_of_the_vehicle_file_are_a_caution_that_explains_no_other
     assert str(found) == f"{expected}."
     fit = replace(found, kind=CautionKind.POOR_FIT)
     assert ranked([fit, found]) == ([found, fit], [])
-
-
-def test_a_poor_fit_of_a_validation_log_says_so(result):
-    poor = [replace(fit, explained=0.5, rms=1e3) for fit in result.identification.fits]
-    for identified_on, place in ((True, "in"), (False, ", validation log")):
-        fits = tuple(replace(fit, identified_on=identified_on) for fit in poor[:1])
-        (caution,) = fit_cautions(replace(result.identification, fits=fits, logs=()))
-        assert caution.message.startswith(f"{poor[0].signal} {place} {poor[0].log}: ".replace(" ,", ","))
-
-
-def test_an_estimate_far_from_the_vehicle_file(result):
-    first, *rest = result.identification.parameters
-    far = replace(first, value=2.8 * first.initial)
-    caution = only(
-        identification_cautions(replace(result.identification, covariance=None, parameters=(far, *rest))),
-        CautionKind.UNUSUAL_ESTIMATE,
-    )
-    assert caution.parameters == (first.name,)
-    assert caution.value == pytest.approx(2.8)
-    assert "2.8 times its prior value, whose sigma is ±30 %" in caution.message
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "sigma", "kind", "unit"),
-    [
-        (f"{STEER}.gain", 1.25, 0.05, CautionKind.GAIN, "1"),
-        ("yaw_rate.tractor.offset", 0.02, 0.001, CautionKind.OFFSET, "rad/s"),
-    ],
-)
-def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):
-    log = "bend" if kind is CautionKind.OFFSET else None
-    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit=unit, log=log))
-    caution = only(identification_cautions(identification), kind)
-    assert caution.signals == (name.rpartition(".")[0],)
-    assert caution.log == log
-    assert caution.value == value
-    assert caution.parameters == ()  # without a doubt
 
 
 def test_an_unrelated_channel_is_an_error_unless_the_run_is_straight(result):
@@ -128,18 +84,6 @@ def test_noise_without_the_predicted_motion_is_unrelated(result):
     assert caution.signals == (first.signal,)
 
 
-def test_runs_outside_the_range(result):
-    runs = [
-        RunSummary(name="lane changes", speed=(24.0, 25.0), acceleration=3.4),
-        RunSummary(name=NASTY, speed=(18.0, 20.0), acceleration=1.0),
-    ]
-    saturating = result.identification
-    linear = replace(saturating, settings=replace(saturating.settings, tyres="linear"))
-    caution = only(identification_cautions(linear, runs), CautionKind.NONLINEAR_RANGE)
-    assert (caution.log, caution.value) == ("lane changes", 3.4)
-    assert not any(c.kind is CautionKind.NONLINEAR_RANGE for c in identification_cautions(saturating, runs))
-
-
 def test_large_innovations_are_one_caution_for_a_log(result):
     states = result.states[0]
     large = replace(states, innovation={n: 3 * v for n, v in states.innovation.items()})
@@ -151,17 +95,6 @@ def test_large_innovations_are_one_caution_for_a_log(result):
     rejected = [c for c in state_cautions(spiked, "vehicle file") if c.kind is CautionKind.REJECTED_SAMPLES]
     assert {c.signals[0] for c in rejected} == set(states.innovation)
     assert [c.value for c in rejected] == pytest.approx([0.05] * len(rejected), rel=0.05)
-
-
-def test_every_kind_of_sensor_error_can_be_unusual(result):
-    for name, value, unit in (
-        (f"{STEER}.play", 0.02, "rad"),
-        ("yaw_rate.tractor.misalignment", 0.3, "rad"),
-        ("time_base.trailer.delay", 0.4, "s"),
-    ):
-        identification = with_sensors(result, SensorError(name=name, value=value, sigma=0.001, unit=unit, log=None))
-        caution = only(identification_cautions(identification), CautionKind(name.rpartition(".")[2]))
-        assert caution.value == value
 
 
 def test_a_doubt_has_a_caution(result):
@@ -185,37 +118,9 @@ def test_a_doubt_has_a_caution(result):
         ),
     )
     sensor = SensorError(name=f"{STEER}.play", value=0.013, sigma=0.01, unit="rad", log=None)
-    cautions = identification_cautions(replace(with_sensors(result, sensor), doubts=doubts))
+    cautions = identification_cautions(replace(result.identification, sensors=(sensor,), doubts=doubts))
     assumption, play = only(cautions, CautionKind.ASSUMPTION), only(cautions, CautionKind.PLAY)
     assert assumption.parameters == ("semitrailer.yaw_inertia",)
     for text in ("all masses are", "larger", "yaw_rate.tractor is 50 ms late", "the time base runs 1 % too slow"):
         assert text in assumption.message, assumption.message
     assert play.parameters == ("tractor.front.cornering_stiffness",)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "sigma"),
-    [
-        (f"{STEER}.gain", 1.08, 0.01),
-        (f"{STEER}.gain", 1.25, 0.2),
-        (f"{STEER}.delay", 0.015, 0.001),
-        ("lateral_acceleration.tractor.delay", 0.05, 0.001),
-        ("lateral_acceleration.tractor.position", -1.6, 0.1),
-    ],
-)
-def test_usual_sensor_errors(result, name, value, sigma):
-    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit="1", log=None))
-    assert not [c for c in identification_cautions(identification) if c.signals == (STEER,)]
-
-
-def test_a_poor_prediction(result):
-    first, *rest = result.identification.fits
-    poor = replace(first, explained=0.3, rms=10 * first.rms)
-    caution = only(identification_cautions(replace(result.identification, fits=(poor, *rest))), CautionKind.POOR_FIT)
-    assert "the model explains 30.0 % of the variance" in caution.message
-
-
-def test_rejected_samples(result):
-    log = replace(result.identification.logs[0], rejected={"yaw_rate.tractor": 0.07, "roll_rate.tractor": 0.01})
-    caution = only(identification_cautions(replace(result.identification, logs=(log,))), CautionKind.REJECTED_SAMPLES)
-    assert (caution.signals, caution.value) == (("yaw_rate.tractor",), 0.07)

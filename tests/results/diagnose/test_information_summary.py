@@ -1,20 +1,13 @@
 """What the logs contribute to each parameter, and what would reduce its sigma."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
 from fifthwheel.estimate.design import Remedy
 from fifthwheel.estimate.design.assess import predict_sigmas
-from fifthwheel.estimate.identify import SensorError, Verdict, identify
+from fifthwheel.estimate.identify import Verdict, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose.advice import next_steps
 from fifthwheel.results.diagnose.information_summary import (
-    ParameterInformation,
-    VarianceTerm,
-    describe_remedy,
-    dominant_terms,
     information_summary,
     variance_budget,
 )
@@ -63,16 +56,6 @@ def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight
     assert f"{100 * sigma:.2g} % for {named('tractor.front.cornering_stiffness')}" in second.message
 
 
-def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):
-    e = result.identification.parameters[0]
-    outlook = predict_sigmas(result.records[:1], result.identification.vehicle)
-    wide = replace(e, sigma=5 * outlook[e.name].sigma)
-    row = information_summary(replace(result.identification, parameters=(wide,)), outlook)[0]
-    assert row.noise_sigma == outlook[e.name].sigma
-    assert any("Sigma is 5" in message for message in row.messages)
-    assert row.improvements == ()
-
-
 def test_the_information_summary_of_an_outlook(result):
     """Sigma above 1.5 times that of the noise is due to autocorrelation, otherwise changes are listed that bring it
     below 0.9."""
@@ -93,99 +76,6 @@ def test_the_information_summary_of_an_outlook(result):
     assert row(estimate(REAR, sigma=0.2), useful).improvements == ()
     fixed = of(result, estimate(FRONT, Verdict.FIXED), estimate(REAR))
     assert [r.estimate.name for r in information_summary(fixed)] == [REAR]
-    ((_, relative_sigma),) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
-    assert relative_sigma == 0.0899 / 2.0
-
-
-def information(e, **others):
-    return ParameterInformation(estimate=e, **others)
-
-
-def test_the_part_of_the_prior_that_remains():
-    """Of a stiffness relative to its value, of a height in metres; at most all."""
-    assert information(estimate(FRONT, sigma=0.06, value=2.0)).remaining == pytest.approx(0.1)
-    assert information(estimate(FRONT, sigma=0.06, value=-2.0, initial=-1.0)).remaining == pytest.approx(0.1)
-    assert information(estimate(HEIGHT, sigma=0.06, value=2.0)).remaining == pytest.approx(0.2)
-    assert information(estimate(FRONT, sigma=0.06, value=0.0)).remaining == pytest.approx(0.2)
-    assert information(estimate(FRONT, sigma=9.0)).remaining == 1.0
-    assert information(estimate(FRONT, sigma=None)).remaining == 1.0
-    assert information(estimate(FRONT, prior=None)).remaining is None
-    assert information(estimate(FRONT, sigma=0.06, value=2.0)).change == "±30 % → ±3 %"
-    assert information(estimate(HEIGHT, sigma=0.06)).change == "±0.30 m → ±0.060 m"
-    assert information(estimate(FRONT, sigma=None)).change == "±30 % → –"
-    assert information(estimate(FRONT, prior=None, sigma=0.06)).change == "±6 %"
-
-
-def test_messages_of_the_information_summary():
-    rear, axis = named(REAR), named(AXIS)
-    correlated = estimate(FRONT, sigma=0.0499, correlated_with=(REAR, AXIS))
-    accurate = f"Accurate. Its error is correlated with the errors of {rear} and {axis}."
-    strong = f"Strongly correlated with {rear} and {axis}."
-    assert information(correlated).messages == (accurate,)
-    assert information(replace(correlated, value=-1.0)).messages == (accurate,)
-    for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
-        assert information(replace(correlated, **changes)).messages == (strong,)
-    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
-    terms = tuple(VarianceTerm(source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1)))
-    assert information(estimate(FRONT), budget=terms[:1]).messages == (
-        f"Its variance would be 50 % smaller if {axis} were exact.",
-    )
-    assert information(estimate(FRONT), budget=terms).messages == (
-        f"Its variance would be 50 % smaller if {axis} were exact, 30 % if {rear} were.",
-    )
-    (noise,) = information(estimate(FRONT, sigma=0.2), noise_sigma=0.1).messages
-    assert noise.startswith("Sigma is 2.0 times the sigma from sensor noise alone")
-    assert information(estimate(FRONT, sigma=None), noise_sigma=0.1).messages == ()
-
-
-def test_the_largest_correlation_is_that_of_an_estimated_unknown(result):
-    """Not of the same parameter, of a fixed one, or of another log than those of the identification."""
-    covariance, first = result.identification.covariance, estimate(FRONT)
-    names = (FRONT, REAR, AXIS, "yaw_rate.tractor.offset@a", "yaw_rate.tractor.offset@", "roll_rate.tractor.offset@a")
-    factor = np.array([1.0, 0.55, 0.9, -0.7, 0.95, 0.8])  # correlations with the first
-    P = np.outer(factor, factor) + np.diag(1 - factor**2)
-    scale = np.array([3.0, 1.0, 2.0, 5.0, 1.0, 1.0])
-    joint = replace(covariance, names=names, covariance=P * np.outer(scale, scale))
-    offset = SensorError(name="yaw_rate.tractor.offset", value=0.0, sigma=0.1, unit="rad/s", log="a")
-
-    def found(*parameters, **others):
-        return information_summary(of(result, *parameters, covariance=joint, **others))[0].correlation
-
-    assert found(first, estimate(REAR), sensors=(offset,)) == ("yaw_rate.tractor.offset@a", pytest.approx(0.7))
-    assert found(first, estimate(REAR)) == (REAR, pytest.approx(0.55))
-    assert found(first) is None
-    assert found(first, uncertain=(estimate(AXIS, Verdict.FIXED),)) is None
-    assert found(first, uncertain=(estimate(AXIS),)) == (AXIS, pytest.approx(0.9))
-    assert found(replace(first, correlated_with=(REAR,)), estimate(REAR)) is None
-    assert found(replace(first, verdict=Verdict.NOT_CONVERGED), estimate(REAR)) is None
-    assert found(estimate(HEIGHT), estimate(REAR)) is None
-
-
-@pytest.mark.parametrize(
-    ("known", "text"),
-    [
-        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (given)"),
-        (("mass_scale",), "if all masses are known exactly (state it in the vehicle file)"),
-        (
-            ("semitrailer.payload.mass",),
-            "if the payload mass of the semitrailer is known exactly (state it in the vehicle file)",
-        ),
-        (
-            ("tractor.coupling", "mass_scale"),
-            "if the position of the coupling on the tractor and all masses are known exactly (state it in the vehicle "
-            "file)",
-        ),
-        (
-            ("tractor.axle_positions", "steer.tractor.front.gain"),
-            "if the axle positions of the tractor are known exactly (state it in the vehicle file) and the gain of "
-            "steer.tractor.front is calibrated",
-        ),
-        (("time_base",), 'if the rate of the time base is checked (given={"time_base": "exact"})'),
-        (("steer.tractor.front.play",), "if the play of steer.tractor.front is measured"),
-    ],
-)
-def test_what_is_known_is_said_in_words(known, text):
-    assert describe_remedy(Remedy(known=known)) == text
 
 
 def test_the_remaining_uncertainty_is_that_of_the_estimates(result):
@@ -197,34 +87,9 @@ def test_the_remaining_uncertainty_is_that_of_the_estimates(result):
     budget = identification.variance_budget[HEIGHT]
     assert remaining.keys() == budget.keys()
     assert max(remaining.values()) <= 1.0
-
-
-def test_the_payload_height_depends_mostly_on_suspension_roll_axis_and_unladen_body(result):
     sources = [term.source for term in variance_budget(result.identification, HEIGHT)]
     assert set(sources[:3]) == {AXIS, "semitrailer.roll_stiffness", "semitrailer.sprung.cog_height"}
     for e in result.identification.parameters:
         fractions = [term.fraction for term in variance_budget(result.identification, e.name)]
         assert fractions == sorted(fractions, reverse=True)
         assert all(0 <= fraction < 1 for fraction in fractions)
-
-
-def test_one_or_two_terms_above_half_of_the_variance_dominate(result):
-    e = result.identification[HEIGHT]
-    wide = replace(e, sigma=0.1 * e.value)
-
-    def dominant(*fractions, estimate=wide):
-        budget = {HEIGHT: dict(zip("abc", fractions, strict=False))}
-        of = replace(result.identification, parameters=(estimate,), variance_budget=budget)
-        return "".join(term.source for terms in dominant_terms(of).values() for term in terms)
-
-    assert dominant(0.51, 0.4) == "a"
-    assert dominant(0.5, 0.3, 0.1) == "ab"
-    assert dominant(0.3, 0.2) == dominant(0.3, 0.19) == dominant(0.25, 0.25) == dominant(0.4, 0.05) == ""
-    assert dominant(0.3, 0.21, 0.2) == "ab"
-    assert dominant(0.51, estimate=replace(e, sigma=0.04 * e.value)) == ""
-
-
-def test_without_a_budget_there_are_no_terms(result):
-    identification = replace(result.identification, variance_budget={})
-    assert variance_budget(identification, HEIGHT) == []
-    assert dominant_terms(identification) == {}

@@ -34,6 +34,9 @@ def test_every_assumed_number_has_value_source_and_effect(numbers):
     effects = [max(number.yaw or 0, number.roll or 0) for number in numbers.values()]
     assert effects == sorted(effects, reverse=True)
     assert effects[0] > 0.1
+    assert assumed_numbers(get("cheng_cebon_2011")) == ()
+    unstable = ASSUMED.replace({"tractor.drive.cornering_stiffness": 3e5})
+    assert all(number.yaw is None for number in assumed_numbers(unstable, 38.0))
 
 
 def test_the_effect_is_that_of_the_linear_system(numbers):
@@ -46,15 +49,6 @@ def test_the_effect_is_that_of_the_linear_system(numbers):
     )
     assert numbers[path].yaw >= 0.999 * np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2))
     assert numbers[path].yaw < 1.2 * np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2))
-
-
-def test_a_vehicle_without_classes_assumes_nothing():
-    assert assumed_numbers(get("cheng_cebon_2011")) == ()
-
-
-def test_an_unstable_vehicle_has_no_effects():
-    unstable = ASSUMED.replace({"tractor.drive.cornering_stiffness": 3e5})
-    assert all(number.yaw is None for number in assumed_numbers(unstable, 38.0))
 
 
 def test_the_assumed_numbers_are_shown(numbers):
@@ -89,6 +83,8 @@ def test_the_true_numbers_predict_best(record):
     true, wrong = (explained(prediction.fits(values)) for values in ({}, {NAME: 0.5 * TRUCK.parameters()[NAME]}))
     assert all(true[name] > wrong[name] for name in true)
     assert true["yaw_rate.semitrailer"] > 0.98
+    with pytest.raises(VehicleError):
+        prediction.fits({NAME: -1.0})
 
 
 def test_the_predictions_are_those_of_an_identification_with_linear_tyres(result):
@@ -102,8 +98,3 @@ def test_the_predictions_are_those_of_an_identification_with_linear_tyres(result
     for ours, theirs in zip(found, stored, strict=True):
         scatter = np.nanstd(theirs.measured - theirs.predicted)
         assert np.sqrt(np.mean((ours.predicted - theirs.predicted) ** 2)) < 0.1 * scatter
-
-
-def test_an_impossible_number_is_refused(record):
-    with pytest.raises(VehicleError):
-        LogPrediction.of(record, TRUCK).fits({NAME: -1.0})

@@ -9,7 +9,7 @@ from fifthwheel.estimate.identify import Estimate, SensorError, Verdict
 from fifthwheel.results.diagnose import residuals
 from fifthwheel.results.diagnose.advice import next_steps
 from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
-from fifthwheel.results.diagnose.information_summary import dominant_terms, information_summary
+from fifthwheel.results.diagnose.information_summary import dominant_terms
 from fifthwheel.results.diagnose.messages import CautionKind
 from fifthwheel.results.diagnose.residuals import FitQuality, predicted_logs
 from fifthwheel.results.diagnose.summaries import RunSummary
@@ -105,15 +105,6 @@ def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, m
     assert unusual(result, name, mean + sign * 2.5 * 0.0377 * (1 + 1e-6), 1e-6, settings)
 
 
-@pytest.mark.parametrize("kind", ["position", "height"])
-def test_the_place_of_an_accelerometer(result, kind):
-    unit = result.identification.initial_vehicle.unit("tractor")
-    mean = getattr(unit.place_of_accelerometer(), kind)
-    settings = replace(result.identification.settings, given={f"{ACCELEROMETER}.{kind}": "+- 0.377 m"})
-    assert not unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 - 1e-6), 1e-6, settings)
-    assert unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 + 1e-6), 1e-6, settings)
-
-
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_steering_gain_delay_and_misalignment_must_be_significant(result, sign):
     """A gain by 0.1 and two sigmas, a delay by 20 ms and three sigmas, a misalignment by two sigmas.
@@ -180,24 +171,6 @@ def test_sigmas_of_estimates(result):
         assert dominant_terms(replace(of, parameters=(replace(e, verdict=Verdict.DOUBTFUL),))) == {}
 
 
-def test_terms_of_the_information_summary(result):
-    """Terms above 10 % of a variance; the largest correlation above 0.5; sigma above 1.5 times that of the noise."""
-    covariance = result.identification.covariance
-    for fraction, listed in ((0.1, 1), (0.1 * ABOVE, 2)):
-        e = replace(result.identification.parameters[0], correlated_with=())
-        of = replace(result.identification, parameters=(e,), variance_budget={e.name: {"a": 0.6, "b": fraction}})
-        assert len(information_summary(of)[0].budget) == listed
-    one, other = result.identification.parameters[:2]
-    one = replace(one, correlated_with=(), verdict=Verdict.CONVERGED)
-    i, j = (covariance.names.index(e.name) for e in (one, other))
-    for correlation, expected in ((0.5 * BELOW, None), (0.51, 0.51), (-0.51, 0.51)):
-        P = np.diag(np.diag(covariance.covariance))
-        P[i, j] = P[j, i] = correlation * np.sqrt(P[i, i] * P[j, j])
-        of = replace(result.identification, parameters=(one, other), covariance=replace(covariance, covariance=P))
-        found = information_summary(of)[0].correlation
-        assert found == (None if expected is None else (other.name, pytest.approx(expected)))
-
-
 def test_a_run_up_to_half_a_metre_per_second_squared_is_straight(result):
     e = estimate(0.31, verdict=Verdict.NOT_EXCITED)
     of = replace(result.identification, parameters=(e,), variance_budget={})
@@ -221,20 +194,6 @@ def test_a_run_up_to_half_a_metre_per_second_squared_is_straight(result):
 )
 def test_innovations_in_words(rms, count, text):
     assert text in residuals.describe_innovation_rms(rms, count)
-
-
-def test_outliers():
-    """Beyond three standard deviations; mentioned from four times the fraction of a normal distribution on."""
-    values = np.r_[np.ones(5000), -np.ones(5000)]
-    sigma = 1.0
-    for outlier, expected in ((3.05 * sigma, 2e-4), (2.95 * sigma, 0.0)):
-        values[[0, 5000]] = outlier, -outlier
-        assert residuals.outlier_fraction(values) == pytest.approx(expected)
-    correlation = residuals.autocorrelation(np.arange(100.0), np.random.default_rng(0).normal(size=100))
-    for fraction, mentioned in ((4 * 0.0027 * ABOVE, True), (4 * 0.0027 * BELOW, False)):
-        assert ("outliers" in residuals.describe_whiteness(correlation, fraction, free_run=True)) == mentioned
-    assert np.isnan(residuals.outlier_fraction(values[:29]))
-    assert residuals.outlier_fraction(values[1:31]) == 0.0
 
 
 def test_a_wheel_lifts_at_a_load_transfer_ratio_of_095(result):

@@ -25,14 +25,6 @@ def curve(results, log, **stated):
     return found
 
 
-def test_a_gain_has_a_band_relative_to_each_value():
-    gain = 5.0 / FREQUENCY
-    log = evaluation(frequency=FREQUENCY, gain__yaw_rate__tractor=gain)
-    high = evaluation(frequency=FREQUENCY, gain__yaw_rate__tractor=gain + 0.6 * (FREQUENCY > 1))
-    assert curve(high, log, gain="10 %").verdict == "outside"
-    assert curve(high, log, gain="30 %").verdict == "inside"
-
-
 def test_phases_are_compared_without_whole_turns():
     phase = -FREQUENCY
     log = evaluation(frequency=FREQUENCY, phase__yaw_rate__tractor=phase)
@@ -54,10 +46,8 @@ def test_points_of_a_history_at_which_nothing_happens_do_not_count():
     ("difference", "sigma", "verdict"),
     [
         (0.5, 0.2, "inside"),
-        (0.5, 0.3, "undecided"),
         (1.5, 0.2, "outside"),
         (1.5, 0.3, "undecided"),
-        (0.0, 0.6, "undecided"),
         (-1.5, 0.2, "outside"),
         (0.0, None, "undecided"),
     ],
@@ -79,7 +69,6 @@ GRADIENT = "rad s^2/m"
         ("5%", "rad/s", 0.05, 0.0),
         ("0.1 deg/g", GRADIENT, 0.0, np.radians(0.1) / STANDARD_GRAVITY),
         ("5 % + 20 ms", "s", 0.05, 0.02),
-        ("20ms + 5%", "s", 0.05, 0.02),
         ("0.05", "1", 0.0, 0.05),
     ],
 )
@@ -93,9 +82,7 @@ def test_texts(text, unit, relative, absolute):
     [
         ("5 kg", r"tolerance yaw_rate=5 kg: expected rad/s .* got 'kg'; give percent, a value in rad/s"),
         ("5", "tolerance yaw_rate=5: expected a number with a unit"),
-        ("wide", "tolerance yaw_rate=wide: expected a number"),
         ("-5 %", "tolerance yaw_rate=-5 %: expected finite numbers above 0; correct it"),
-        ("5 % + 0 deg/s", "expected finite numbers above 0"),
         ("1 deg/s +- 5 %", "expected a number|above 0"),
     ],
 )

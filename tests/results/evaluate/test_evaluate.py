@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.results.evaluate import METHODS
 from tests.results.evaluate.conftest import NOISE, U
@@ -33,10 +33,6 @@ def logs(truck):
     }
 
 
-def test_every_method_has_a_manoeuvre_that_simulates_it():
-    assert MANOEUVRES.keys() == METHODS.keys()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("test", METHODS)
 def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
@@ -56,14 +52,6 @@ def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
     assert "<table" in found._repr_html_()
     with pytest.raises(KeyError, match="not a measure of this test"):
         found["xyz"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("test", METHODS)
-def test_the_order_of_units_does_not_need_a_vehicle(truck, logs, test):
-    with_vehicle, without = fw.evaluate(logs[test], test, vehicle=truck), fw.evaluate(logs[test], test)
-    same = [m for m in with_vehicle if m.name != "understeer_gradient"]
-    assert [(m.name, m.value) for m in without] == [(m.name, m.value) for m in same]
 
 
 @pytest.mark.parametrize("test", METHODS)
@@ -89,31 +77,14 @@ def test_wrong_logs_are_refused_with_signal_and_cure(truck, logs, test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "factor", "message"),
-    [
-        (STEER, 180 / np.pi, "looks like degrees"),
-        ("speed", 3.6, "looks like km/h"),
-        ("yaw_rate.semitrailer", -1.0, "the sign contradicts"),
-    ],
-)
 @pytest.mark.parametrize("with_vehicle", [True, False])
-def test_implausible_signals_are_refused(truck, logs, name, factor, message, with_vehicle):
+def test_implausible_signals_are_refused(truck, logs, with_vehicle):
     log, vehicle = logs["step"], truck if with_vehicle else None
-    wrong = log.with_signals({name: factor * log.signals[name]})
-    with pytest.raises(SignalError, match=f"{name}: .*{message}"):
+    wrong = log.with_signals({STEER: np.degrees(log.signals[STEER])})
+    with pytest.raises(SignalError, match=f"{STEER}: .*looks like degrees"):
         fw.evaluate(wrong, "step", vehicle=vehicle)
     notes = fw.evaluate(wrong, "step", vehicle=vehicle, check=False).notes
-    assert any(note.startswith(name) and message in note for note in notes)
-
-
-def test_wrong_arguments(truck, logs):
-    with pytest.raises(SignalError, match="test: 'steps' is not known; did you mean 'step'"):
-        fw.evaluate(logs["step"], "steps")
-    with pytest.raises(FifthwheelError, match="record: expected a Record, got str"):
-        fw.evaluate("log.csv", "step")  # type: ignore[arg-type]
-    with pytest.raises(VehicleError, match="vehicle: expected a Vehicle, got str"):
-        fw.evaluate(logs["step"], "step", vehicle="truck")  # type: ignore[arg-type]
+    assert any(note.startswith(STEER) and "looks like degrees" in note for note in notes)
 
 
 @pytest.mark.slow
@@ -135,15 +106,12 @@ def test_conditions_that_are_not_met(truck, logs):
     assert "up to 1.6 m/s²" in next(c.found for c in good.conditions if c.name == "lateral acceleration")
 
 
-def test_an_accelerometer_without_a_roll_angle_is_noted(truck, logs):
+def test_a_missing_roll_angle_gaps_and_reference_signals_are_noted(truck, logs):
     log = logs["lane_change"]
     kept = {n: v for n, v in log.signals.items() if n != "roll.tractor"}
     found = fw.evaluate(Record(time=log.time, signals=kept), "lane_change", vehicle=truck)
     assert any(note.startswith("lateral_acceleration.tractor contains g times the roll angle") for note in found.notes)
     assert not any("lateral_acceleration.semitrailer contains" in note for note in found.notes)
-
-
-def test_gaps_and_reference_signals_are_noted(truck, logs):
     log = logs["step"]
     roll = log.signals["roll.tractor"].copy()
     roll[100:200] = np.nan
@@ -153,21 +121,14 @@ def test_gaps_and_reference_signals_are_noted(truck, logs):
     assert any("Reference signals are evaluated too: sideslip.tractor" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("test", ["frequency_response", "pulse"])
-def test_measured_signals_come_before_reference_signals(truck, logs, test):
-    """A reference signal gives no sigma, and the pulse takes a measured yaw rate instead of it."""
-    log = logs[test]
+def test_measured_signals_come_before_reference_signals(truck, logs):
+    """The pulse takes a measured yaw rate instead of a reference signal, which would give no sigma."""
+    log = logs["pulse"]
     kept = {n: v for n, v in log.signals.items() if n != "articulation.semitrailer"}
     referred = {"articulation.semitrailer": log.signals["articulation.semitrailer"]}
-    found = fw.evaluate(Record(time=log.time, signals=kept, reference=referred), test, vehicle=truck)
-    if test == "pulse":
-        assert found["yaw_damping"].signals == ("yaw_rate.semitrailer",)
-        assert found["yaw_damping"].sigma > 0
-    else:
-        assert found["gain.articulation.semitrailer"].sigma is None
-        assert np.isnan(found.arrays["gain_sigma.articulation.semitrailer"]).all()
-        assert found["gain.yaw_rate.tractor"].sigma > 0
-        assert found.plots()
+    found = fw.evaluate(Record(time=log.time, signals=kept, reference=referred), "pulse", vehicle=truck)
+    assert found["yaw_damping"].signals == ("yaw_rate.semitrailer",)
+    assert found["yaw_damping"].sigma > 0
 
 
 def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):
@@ -183,7 +144,9 @@ def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):
 @pytest.mark.slow
 @pytest.mark.parametrize("test", ["lane_change", "frequency_response"])
 def test_an_amplification_names_its_units(truck, logs, test):
-    notes = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle).notes for vehicle in (truck, None)}
+    found = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle) for vehicle in (truck, None)}
+    assert [(m.name, m.value) for m in found[None]] == [(m.name, m.value) for m in found[truck]]
+    notes = {vehicle: evaluation.notes for vehicle, evaluation in found.items()}
     assert "Rearward amplification: semitrailer divided by tractor." in notes[truck]
     assert any("divided by tractor, in the order of the columns, since no vehicle is" in note for note in notes[None])
     kept = {n: v for n, v in logs[test].signals.items() if not n.endswith("semitrailer")}
@@ -206,15 +169,6 @@ def test_stated_sensors_time_bases_and_other_steer_angles_are_noted(truck, logs)
     assert "Times contain the time offset of signals on another time base: yaw_rate.tractor." in notes
 
 
-def test_uneven_samples_are_put_on_an_even_time_base(truck, logs):
-    log = logs["step"]
-    rng = np.random.default_rng(1)
-    kept = np.sort(rng.choice(len(log), int(0.9 * len(log)), replace=False))
-    even, uneven = (fw.evaluate(r, "step", vehicle=truck) for r in (log, _rows(log, kept)))
-    for name in ("steady_gain.yaw_rate.tractor", "response_time.yaw_rate.semitrailer"):
-        assert uneven[name].value == pytest.approx(even[name].value, abs=3 * even[name].sigma)
-
-
 def _without(log, name):
     signals = {n: v for n, v in log.signals.items() if n != name}
     return Record(time=log.time, signals=signals, reference=log.reference, name=log.name)
@@ -228,17 +182,3 @@ def _rows(log, rows):
 def _with_pause(log):
     time = log.time + 5.0 * (log.time > log.time[len(log) // 2])
     return Record(time=time, signals=log.signals, name=log.name)
-
-
-def test_a_spike_is_left_out_and_noted(truck, logs):
-    log = logs["step"]
-    spiky = log.signals["yaw_rate.tractor"].copy()
-    spiky[len(log) // 2] = 0.9  # rad/s
-    found, clean = (
-        fw.evaluate(record, "step", vehicle=truck) for record in (log.with_signals({"yaw_rate.tractor": spiky}), log)
-    )
-    assert found["overshoot.yaw_rate.tractor"].value == pytest.approx(
-        clean["overshoot.yaw_rate.tractor"].value, abs=0.2 * clean["overshoot.yaw_rate.tractor"].sigma
-    )
-    assert "Spikes are left out: yaw_rate.tractor." in found.notes
-    assert not any("pike" in note for note in clean.notes)

@@ -26,9 +26,9 @@ def responses(truck):
 
 
 @pytest.mark.slow
-def test_gain_and_phase_are_those_of_the_equations(truck, responses):
+def test_gain_phase_and_measures_are_those_of_the_equations(truck, responses):
     """Within their sigma, and 0.2 % of the simulation with steps of 20 ms."""
-    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=400.0, sensors=NOISE, rate=50.0, seed=1)
+    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=300.0, sensors=NOISE, rate=50.0, seed=4)
     found = fw.evaluate(log, "frequency_response", vehicle=truck)
     f = found.arrays["frequency"]
     for name, exact in responses(f).items():
@@ -39,27 +39,6 @@ def test_gain_and_phase_are_those_of_the_equations(truck, responses):
         assert np.mean(np.abs(error) < 2 * relative + 0.002) > 0.85, name
         lag = np.angle(np.exp(1j * found.arrays[f"phase.{name}"][used]) / exact[used])
         assert np.mean(np.abs(lag) < 2 * relative + 0.002) > 0.85, name
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("manoeuvre", "duration"), [("sweep", 60.0), ("random", 60.0)])
-def test_ninety_per_cent_of_the_intervals_contain_the_gain(truck, responses, manoeuvre, duration):
-    """With good sensors; a periodogram of segments would be biased by up to ten sigma."""
-    sensors = {n: v for n, v in NOISE.items() if not n.startswith("lateral_acceleration")}
-    inside = dict[str, list[bool]]()
-    for seed in range(4):
-        log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U, duration=duration, sensors=sensors, seed=seed)
-        arrays = fw.evaluate(log, "frequency_response", vehicle=truck).arrays
-        exact = responses(arrays["frequency"])
-        for name in sensors:
-            error = (arrays[f"gain.{name}"] - np.abs(exact[name])) / arrays[f"gain_sigma.{name}"]
-            inside.setdefault(name, []).extend(np.abs(error[np.isfinite(error)]) < 1.645)
-    assert all(len(values) > 100 and np.mean(values) > 0.85 for values in inside.values())
-
-
-def test_measures_of_the_frequency_response(truck, responses):
-    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=300.0, sensors=NOISE, rate=50.0, seed=4)
-    found = fw.evaluate(log, "frequency_response", vehicle=truck)
     f = np.linspace(0.02, 1.5, 1481)
     exact = responses(f)
     for q in ("yaw_rate", "lateral_acceleration"):
@@ -74,6 +53,22 @@ def test_measures_of_the_frequency_response(truck, responses):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("manoeuvre", ["sweep", "random"])
+def test_ninety_per_cent_of_the_intervals_contain_the_gain(truck, responses, manoeuvre):
+    """With good sensors; a periodogram of segments would be biased by up to ten sigma."""
+    sensors = {n: v for n, v in NOISE.items() if not n.startswith("lateral_acceleration")}
+    inside = dict[str, list[bool]]()
+    for seed in range(2):
+        log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U, duration=60.0, sensors=sensors, seed=seed)
+        arrays = fw.evaluate(log, "frequency_response", vehicle=truck).arrays
+        exact = responses(arrays["frequency"])
+        for name in sensors:
+            error = (arrays[f"gain.{name}"] - np.abs(exact[name])) / arrays[f"gain_sigma.{name}"]
+            inside.setdefault(name, []).extend(np.abs(error[np.isfinite(error)]) < 1.645)
+    assert all(len(values) > 50 and np.mean(values) > 0.85 for values in inside.values())
+
+
+@pytest.mark.slow
 def test_the_delay_of_a_long_combination_does_not_reduce_its_gain():
     """Its last unit follows the steer angle by up to 2 s."""
     vehicle = get("truck_full_trailer")
@@ -85,28 +80,14 @@ def test_the_delay_of_a_long_combination_does_not_reduce_its_gain():
     assert found.sigma < 0.02 * found.value
 
 
-@pytest.mark.parametrize("manoeuvre", ["lane_changes", "straight"])
-def test_single_manoeuvres_are_refused(truck, manoeuvre):
-    log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U)
+def test_single_manoeuvres_and_a_log_without_coherent_steering_are_refused(truck):
+    log = fw.simulate(truck, manoeuvre="straight", speed=U)
     with pytest.raises(SignalError, match=r"the truck is steered for .* at least 40 % needed; steer continuously"):
         fw.evaluate(log, "frequency_response", vehicle=truck)
-
-
-@pytest.mark.slow
-def test_noise_lowers_the_coherence_and_the_number_of_frequencies(truck):
-    found = [
-        fw.evaluate(
-            fw.simulate(truck, manoeuvre="random", speed=U, sensors={"yaw_rate.tractor": v}, duration=120.0),
-            "frequency_response",
-            vehicle=truck,
-        ).arrays
-        for v in (1e-6, 1e-4)
-    ]
-    few, many = (np.nanmean(arrays["coherence.yaw_rate.tractor"]) for arrays in found[::-1])
-    assert few < many
-    low, high = (arrays["gain_sigma.yaw_rate.tractor"] for arrays in found)
-    both = np.isfinite(low) & np.isfinite(high)
-    assert (high[both] > low[both]).mean() > 0.9
+    steer = np.random.default_rng(1).normal(size=len(log))
+    log = log.with_signals({"steer.tractor.front": 1e-4 * steer})
+    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: coherence with the steer angle .* steer at random"):
+        fw.evaluate(log, "frequency_response", vehicle=truck)
 
 
 def test_signals_of_other_quantities_give_no_amplification(truck):
@@ -116,11 +97,3 @@ def test_signals_of_other_quantities_give_no_amplification(truck):
     found = fw.evaluate(log, "frequency_response", vehicle=truck)
     assert not any(m.name.startswith("rearward") for m in found)
     assert found["gain.yaw_rate.tractor"].sigma > 0
-
-
-def test_a_log_without_coherent_steering_is_refused(truck):
-    log = fw.simulate(truck, manoeuvre="straight", speed=U)
-    steer = np.random.default_rng(1).normal(size=len(log))
-    log = log.with_signals({"steer.tractor.front": 1e-4 * steer})
-    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: coherence with the steer angle .* steer at random"):
-        fw.evaluate(log, "frequency_response", vehicle=truck)

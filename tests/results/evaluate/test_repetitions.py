@@ -12,7 +12,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.manoeuvres import OpenLoop, course
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.results.assess.yaw_damping import eigenvalue_damping, pulse_damping
+from fifthwheel.results.assess.yaw_damping import eigenvalue_damping
 from tests.results.evaluate.conftest import NOISE, STEER, U, repeated
 
 
@@ -78,24 +78,6 @@ def test_the_rearward_amplification_is_that_of_the_true_signals(truck):
     assert all(c.met is not False for c in found.conditions)
 
 
-@pytest.mark.slow
-def test_steps_to_both_sides_with_a_return(truck):
-    """Each step ends with the steer angle of the straight entry."""
-
-    def returned(run):
-        straight = {name: values[:40].mean() for name, values in run.signals.items()}
-        signals = {n: np.append(values, np.full(150, straight[n])) for n, values in run.signals.items()}
-        return Record(time=np.arange(len(run) + 150) / 50, signals=signals)
-
-    sensors = {name: NOISE[name] for name in ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll.semitrailer")}
-    runs = [log(truck, "step", sensors=sensors, seed=k, rate=50.0) for k in range(4)]
-    one = fw.evaluate(runs[0], "step", vehicle=truck)
-    four = fw.evaluate(repeated([returned(run) for run in runs]), "step", vehicle=truck)
-    assert four.notes[0] == "4 manoeuvres: 2 to the left, 2 to the right."
-    for name in ("steady_gain.yaw_rate.tractor", "response_time.yaw_rate.semitrailer", "overshoot.roll.semitrailer"):
-        assert four[name].value == pytest.approx(one[name].value, abs=4 * one[name].sigma)
-
-
 def test_the_damping_is_that_of_the_eigenvalues(truck):
     """Soft tyres of the trailer: one mode of yaw decays much slower than everything else."""
     soft = truck.replace({"semitrailer.cornering_stiffness": 5.0e5})
@@ -104,20 +86,6 @@ def test_the_damping_is_that_of_the_eigenvalues(truck):
         measure = fw.evaluate(log(soft, "pulse", sensors=sensors), "pulse", vehicle=soft)["yaw_damping"]
         assert measure.value == pytest.approx(exact, abs=3 * measure.sigma + 0.1 * exact)
         assert measure.sigma < 0.03
-
-
-def test_the_damping_by_the_yaw_rate_of_the_trailer(truck, responses):
-    """Without an articulation sensor; as that of the true signal."""
-    time, _, outputs = responses("pulse")
-    free = outputs["yaw_rate.semitrailer"][time >= 2.4 - 0.2]
-    expected = pulse_damping(0.01 * np.arange(free.size), free)
-    sensors = {n: v for n, v in NOISE.items() if not n.startswith("articulation")}
-    run = log(truck, "pulse", sensors=sensors)
-    run = Record(time=run.time, signals=run.signals, name="pulse")  # without its reference signals
-    found = fw.evaluate(run, "pulse", vehicle=truck)
-    measure = found["yaw_damping"]
-    assert measure.value == pytest.approx(expected, abs=3 * measure.sigma + 0.02)
-    assert found.notes[-1] == "Decay of the yaw rate of the trailer."
 
 
 def test_the_yaw_rate_ratios_of_the_sine_with_dwell(truck, responses):
@@ -147,19 +115,15 @@ def test_offsets_do_not_matter_and_repetitions_lower_sigma(truck):
 
 @pytest.mark.slow
 def test_most_intervals_contain_the_measure(truck):
-    """Sigma is that of the noise: 90 % intervals over 30 logs."""
+    """Sigma is that of the noise: 90 % intervals over 12 logs."""
     rates = {n: v for n, v in NOISE.items() if n.startswith("yaw_rate")}
 
     def evaluated(sensors, seed):
         run = log(truck, "step", sensors=sensors, seed=seed, rate=50.0)
         return fw.evaluate(Record(time=run.time, signals=run.signals), "step", vehicle=truck)
 
-    exact, noisy = evaluated(dict.fromkeys(rates, 0.0), 0), [evaluated(rates, seed) for seed in range(30)]
-    for name in (
-        "response_time.yaw_rate.semitrailer",
-        "steady_gain.yaw_rate.tractor",
-        "overshoot.yaw_rate.semitrailer",
-    ):
+    exact, noisy = evaluated(dict.fromkeys(rates, 0.0), 0), [evaluated(rates, seed) for seed in range(12)]
+    for name in ("response_time.yaw_rate.semitrailer", "steady_gain.yaw_rate.tractor"):
         inside = np.mean([abs(n[name].value - exact[name].value) < 1.645 * n[name].sigma for n in noisy])
         assert 0.75 <= inside <= 1.0, name
 
@@ -169,13 +133,10 @@ def test_most_intervals_contain_the_measure(truck):
     ("test", "manoeuvre", "message"),
     [
         ("step", "pulse", "no step that lasts at least 3 s, but steering for"),
-        ("step", "sine_with_dwell", "no step"),
         ("lane_change", "step", "no lane change, the steer angle does not change its side"),
-        ("lane_change", "sweep", "no single lane change|no lane change"),
         ("lane_change", "sine_with_dwell", "no lane change, the steer angle stays at a peak"),
         ("lane_change", "random", "lane change|are not this test"),
         ("pulse", "step", "no pulse, but steering for"),
-        ("pulse", "sine_with_dwell", "no pulse, but steering for"),
         ("sine_with_dwell", "step", "no sine with dwell, the steer angle does not change its side once"),
         ("sine_with_dwell", "single_sine", "does not stay at its second peak for 0.3 s"),
         ("step", "straight", r"steer\.tractor\.front: within 0\.0 deg in simulated, at least 0\.20 deg needed"),
@@ -186,22 +147,14 @@ def test_another_manoeuvre_is_refused(truck, test, manoeuvre, message):
         fw.evaluate(log(truck, manoeuvre), test, vehicle=truck)
 
 
-def test_chance_resemblances_in_random_steering_are_no_lane_changes(truck):
-    with pytest.raises(SignalError, match="lane change"):
-        fw.evaluate(log(truck, "random", seed=0, duration=300.0, rate=50.0), "lane_change", vehicle=truck)
-
-
-def test_the_entry_of_a_bend_is_no_step(truck):
+def test_the_entry_of_a_bend_and_a_log_that_begins_while_steering_are_refused(truck):
     """A driver turns the wheel for about 1 s."""
     step = log(truck, "step", rate=50.0)
     bend = np.interp(step.time, [1.0, 2.2], [0.0, 0.01])
     with pytest.raises(SignalError, match=r"no step, the steer angle rises for [01]\.\d s"):
         fw.evaluate(step.with_signals({STEER: bend}), "step", vehicle=truck, check=False)
-
-
-def test_a_log_that_begins_while_steering_is_refused(truck):
     with pytest.raises(SignalError, match=r"the steering begins .* at least 0\.4 s straight ahead needed; cut"):
-        fw.evaluate(log(truck, "step").cut(0.8, 10.0), "step", vehicle=truck)
+        fw.evaluate(step.cut(0.8, 10.0), "step", vehicle=truck)
 
 
 def test_a_pulse_in_noise_has_no_damping(truck):
@@ -235,10 +188,3 @@ def test_a_difference_of_left_and_right_is_noted(truck):
     gain = linear_system(truck, U, ["yaw_rate.tractor"]).gain()[0, 0]
     (difference,) = re.findall(r"steady gain, yaw rate of the tractor −(.*?) ±", found[0])
     assert float(difference) == pytest.approx(gain * (1 - 1 / 1.08), abs=0.06)
-
-
-@pytest.mark.slow
-def test_left_and_right_of_a_symmetrical_truck_do_not_differ(truck):
-    record = log(truck, "lane_changes", count=6, rate=50.0)
-    notes = fw.evaluate(record, "lane_change", vehicle=truck).notes
-    assert not [note for note in notes if note.startswith("Left less right")]

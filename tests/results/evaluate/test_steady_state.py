@@ -30,6 +30,8 @@ def steady_turns(truck, method, seed=None, rate=20.0, offset=0.01):
     elif method == "constant radius":
         speed = np.sqrt(acceleration * 100.0)
         acceleration, speed = acceleration[speed > 6], speed[speed > 6]
+    elif method == "mixed driving":
+        speed = 18 + 4 * np.sin(2 * np.pi * time / 40)
     else:  # (L / u^2 + K) a is constant
         speed = np.sqrt(wheelbase * acceleration / (0.02 - gradient * acceleration))
         acceleration, speed = acceleration[speed > 6], speed[speed > 6]
@@ -41,21 +43,16 @@ def steady_turns(truck, method, seed=None, rate=20.0, offset=0.01):
     return Record(time=time[: speed.size], signals=signals, name=method)
 
 
-@pytest.mark.parametrize("method", ["constant speed", "constant radius", "constant steer"])
+@pytest.mark.parametrize("method", ["constant speed", "constant radius", "constant steer", "mixed driving"])
 def test_each_method_gives_the_gradient_of_the_equations(truck, method):
     found = fw.evaluate(steady_turns(truck, method), "steady_state", vehicle=truck)
     assert found["understeer_gradient"].value == pytest.approx(steady_steer(truck)[1], rel=1e-6)
     assert f"Method: {method}" in found.notes[0]
-
-
-@pytest.mark.slow
-def test_ninety_per_cent_of_the_intervals_contain_the_gradient(truck):
-    exact, inside = steady_steer(truck)[1], 0
-    for seed in range(60):
-        log = steady_turns(truck, "constant speed", seed)
-        found = fw.evaluate(log, "steady_state", vehicle=truck, check=False)["understeer_gradient"]
-        inside += abs(found.value - exact) < 1.645 * found.sigma
-    assert 0.78 * 60 <= inside <= 59
+    assert [m.name for m in found] == ["understeer_gradient"]  # one direction has no difference
+    assert list(found.plots()) == ["Steer angle less Ackermann angle"]
+    if method == "constant speed":
+        x, y = found.arrays["lateral_acceleration"], found.arrays["steer_less_ackermann"]
+        assert y == pytest.approx(steady_steer(truck)[1] * x + 0.01, abs=1e-9)
 
 
 def test_without_a_vehicle_there_is_no_understeer_gradient(truck):
@@ -98,27 +95,17 @@ def test_the_slowly_increasing_steer_of_the_linear_model(truck, variances):
         assert sigma is None or 0 < sigma < 0.3 * abs(value), name
 
 
-def test_the_diagram_has_the_characteristic(truck):
-    found = fw.evaluate(steady_turns(truck, "constant speed"), "steady_state", vehicle=truck)
-    x, y = found.arrays["lateral_acceleration"], found.arrays["steer_less_ackermann"]
-    assert y == pytest.approx(steady_steer(truck)[1] * x + 0.01, abs=1e-9)
-    assert list(found.plots()) == ["Steer angle less Ackermann angle"]
-
-
-def test_one_acceleration_only_is_refused(truck):
-    """A straight entry and one circle."""
+def test_one_acceleration_only_and_logs_without_slow_turns_are_refused(truck):
+    """A straight entry and one circle; lane changes and random steering."""
     log = steady_turns(truck, "constant speed", 1)
     turn = np.interp(log.time, [2.0, 6.0], [0.0, 1.5 / U])
     steer = (steady_steer(truck)[0] / U + steady_steer(truck)[1] * U) * turn
     with pytest.raises(SignalError, match=r"without any tenth of it.* drive circles at several accelerations"):
         fw.evaluate(log.with_signals({YAW_RATE: turn, STEER: steer}), "steady_state", vehicle=truck, check=False)
-
-
-@pytest.mark.parametrize("manoeuvre", ["lane_changes", "straight", "step", "random"])
-def test_logs_without_slow_turns_are_refused(truck, manoeuvre):
-    log = fw.simulate(truck, manoeuvre=manoeuvre, duration=20 if manoeuvre == "step" else 48)
-    with pytest.raises(SignalError, match=r"quasi-steady motion with a range of lateral acceleration .* steer slowly"):
-        fw.evaluate(log, "steady_state", vehicle=truck)
+    for manoeuvre in ("lane_changes", "random"):
+        log = fw.simulate(truck, manoeuvre=manoeuvre, duration=48)
+        with pytest.raises(SignalError, match=r"quasi-steady motion with a range of lateral acceleration .* slowly"):
+            fw.evaluate(log, "steady_state", vehicle=truck)
 
 
 @pytest.fixture(scope="module")
@@ -177,11 +164,9 @@ def test_each_direction_has_its_gradient(truck):
     assert left.value == pytest.approx(steady_steer(truck)[1] + 2e-3, rel=1e-3)
     assert difference.value == pytest.approx(left.value - right.value)
     assert left.title == "understeer gradient, left"
-
-
-def test_one_direction_has_no_difference(truck):
-    names = [m.name for m in evaluated(truck, steady_turns(truck, "constant speed"))]
-    assert names == ["understeer_gradient"]
+    found = evaluated(truck, both(truck, 1, change=2e-3, offset=0.0))
+    assert found["understeer_gradient.difference"].reason.startswith("significant: uneven steering, load to one side")
+    assert not any("At no lateral acceleration" in note for note in found.notes)
 
 
 def test_offset_and_play_are_named_and_not_in_the_gradients(truck):
@@ -194,32 +179,13 @@ def test_offset_and_play_are_named_and_not_in_the_gradients(truck):
     assert abs(found["understeer_gradient.left"].value - exact) < 3 * found["understeer_gradient.left"].sigma
     assert found["understeer_gradient"].value - exact > 2e-3  # the play counts as understeer
     assert not found["understeer_gradient.difference"].reason
-
-
-def test_the_curve_of_the_tyre_forces_is_no_play(truck):
-    """The steer angles at no lateral acceleration then differ by a little, with the other sign."""
-    found = evaluated(truck, both(truck, 1, play=-0.0005, offset=0.0))
-    assert not any("play" in note for note in found.notes)
-
-
-def test_straight_driving_does_not_bring_play_into_the_gradients():
-    """About straight ahead the wheels are between both contacts, and the steer angle says nothing on the direction."""
-    a = np.concatenate([np.linspace(-0.2, 0.2, 20), np.linspace(0.4, 2, 40), np.linspace(-0.4, -2, 40)])
-    X = np.column_stack([a, np.zeros_like(a), np.ones_like(a)])
-    steer = 0.003 * a + 0.002 * np.clip(a / 0.3, -1, 1)
-    for direction in directions(X, steer, a / U**2).values():
-        assert abs(direction.gradient[0] - 0.003) < 1e-9
-
-
-def test_a_significant_difference_names_its_causes(truck):
-    found = evaluated(truck, both(truck, 1, change=2e-3, offset=0.0))
-    assert found["understeer_gradient.difference"].reason.startswith("significant: uneven steering, load to one side")
-    assert not any("At no lateral acceleration" in note for note in found.notes)
+    curved = evaluated(truck, both(truck, 1, play=-0.0005, offset=0.0))  # by the tyre forces, with the other sign
+    assert not any("play" in note for note in curved.notes)
 
 
 def test_intervals_contain_the_gradients_and_few_differences_are_significant():
     """On blocks of 1 s, with the noise of their means."""
-    inside, significant, count = dict.fromkeys(APART, 0), 0, 200
+    inside, significant, count = dict.fromkeys(APART, 0), 0, 100
     a = np.interp(np.arange(80), [0, 35, 45, 80], [0.2, 1.9, -1.9, -0.2])
     X = np.column_stack([a, np.gradient(a), np.ones_like(a)])
     for seed in range(count):
@@ -230,10 +196,3 @@ def test_intervals_contain_the_gradients_and_few_differences_are_significant():
             significant += bool(found.reason)
     assert all(0.82 * count <= number <= 0.97 * count for number in inside.values()), inside
     assert significant <= 0.03 * count
-
-
-def test_the_wheelbase_hardly_changes_the_difference(truck):
-    uncertain = truck.with_stated({"tractor.front.position": 0.05})
-    exact, wide = (evaluated(v, both(truck, 1)) for v in (truck, uncertain))
-    assert np.sqrt(wide[APART[0]].sigma ** 2 - exact[APART[0]].sigma ** 2) == pytest.approx(0.05 / U**2, rel=0.05)
-    assert wide[APART[2]].sigma == pytest.approx(exact[APART[2]].sigma, rel=0.02)

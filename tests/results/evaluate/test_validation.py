@@ -28,17 +28,9 @@ NOISES = {"good": NOISE, "gyros": GYROS, "quiet": QUIET}
 
 @cache
 def simulated(truck, test, seed=1, noise="good"):
-    # in 120 s with noise, sigma of some gains is above a default
-    duration = 600.0 if test == "frequency_response" and noise == "good" else None
-    settings = {
-        "speed": U,
-        **ONE.get(MANOEUVRES[test], {}),
-        "sensors": NOISES[noise],
-        "rate": 50.0,
-        "seed": seed,
-        "duration": duration,
-    }
-    return fw.simulate(truck, manoeuvre=MANOEUVRES[test], **settings)
+    manoeuvre = MANOEUVRES[test]
+    settings = ONE.get(manoeuvre, {}) | {"sensors": NOISES[noise], "seed": seed}
+    return fw.simulate(truck, manoeuvre=manoeuvre, speed=U, rate=50.0, **settings)
 
 
 def softer(truck, *groups):
@@ -66,7 +58,7 @@ def test_equal_records_are_inside_with_difference_0(truck, test):
     assert "Verdict" in str(found)
 
 
-def test_softer_front_tyres_are_outside_of_the_understeer_gradient(truck):
+def test_softer_tyres_are_outside_of_the_gradient_that_they_change(truck):
     results = simulated(softer(truck, "tractor.front"), "steady_state", seed=2)
     found = fw.validate(results, simulated(truck, "steady_state"), "steady_state", vehicle=truck)
     verdicts = {item.name: item.verdict for item in (*found.measures, *found.curves)}
@@ -78,6 +70,9 @@ def test_softer_front_tyres_are_outside_of_the_understeer_gradient(truck):
     assert curve.inside < 0.5
     assert curve.exceedance == pytest.approx(np.max(np.abs(curve.results - curve.log) - curve.limit))
     assert found.verdict == "outside"
+    soft = softer(truck, "tractor.front", "tractor.drive", "semitrailer")  # hardly changes the difference of the axles
+    found = fw.validate(simulated(soft, "steady_state", 2), simulated(truck, "steady_state"), "steady_state")
+    assert {m.name: m.verdict for m in found.measures}["sideslip_gradient.tractor"] == "outside"
 
 
 def test_fraction_inside_and_exceedance_by_hand(truck):
@@ -96,34 +91,12 @@ def test_fraction_inside_and_exceedance_by_hand(truck):
     assert (curve.verdict, found.verdict) == ("outside", "outside")
 
 
-def test_softer_tyres_of_all_axles_are_outside_of_the_sideslip_gradient(truck):
-    """They change the understeer gradient, a difference of two axles, by less than a scale error of the steer angle."""
-    soft = softer(truck, "tractor.front", "tractor.drive", "semitrailer")
-    found = fw.validate(simulated(soft, "steady_state", 2), simulated(truck, "steady_state"), "steady_state")
-    assert {m.name: m.verdict for m in found.measures}["sideslip_gradient.tractor"] == "outside"
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("test", METHODS)
+@pytest.mark.parametrize("test", ["steady_state", "step"])
 def test_noise_alone_is_not_outside(truck, test):
     log = simulated(truck, test)
     found = fw.validate(simulated(truck, test, 2), log, test, vehicle=truck)
     assert not [item.name for item in (*found.measures, *found.curves) if item.verdict == "outside"]
-
-
-@pytest.mark.slow
-def test_with_a_tolerance_close_to_0_noise_alone_is_rarely_outside(truck):
-    """Of a measure by 5 % with two sigma, as it should, in 300 pairs 5.7 %; of a curve in 1 of 100 pairs."""
-    tolerances = {"understeer_gradient": "0.001 deg/g", "steer_less_ackermann": "0.001 deg"}
-    verdicts = []
-    for seed in range(24):
-        pair = (steady_turns(truck, "constant speed", seed + start) for start in (0, 1000))
-        found = fw.validate(*pair, "steady_state", vehicle=truck, tolerances=tolerances)
-        verdicts.append((found.measures[0].verdict, found.curves[0].verdict))
-    of_measure, of_curve = (list(column) for column in zip(*verdicts, strict=True))
-    assert of_measure.count("outside") <= 3
-    assert of_curve.count("outside") <= 1
-    assert "inside" not in of_measure + of_curve
 
 
 def test_the_uncertainty_of_the_wheelbase_is_common_to_both(truck):
@@ -177,9 +150,8 @@ def test_what_only_one_record_has_is_noted(truck):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("test", ["frequency_response", "step"])
-def test_inverted_angles_of_the_results_are_refused(truck, test):
-    log = simulated(truck, test, noise="gyros").cut(0.0, 120.0)
+def test_inverted_angles_of_the_results_are_refused(truck):
+    test, log = "step", simulated(truck, "step", noise="gyros")
     angles = {name: log.reference[name] for name in ("roll.tractor", "articulation.semitrailer")}
     for (name, angle), measured in zip(angles.items(), (log, log.with_signals(angles)), strict=True):
         inverted = replace(log, reference=log.reference | {name: -0.5 * angle})  # the check of signals leaves it alone
@@ -187,16 +159,6 @@ def test_inverted_angles_of_the_results_are_refused(truck, test):
             fw.validate(inverted, measured, test, vehicle=truck)
     same = replace(log, reference={name: 0.5 * values for name, values in log.reference.items()})
     assert fw.validate(same, log, test, vehicle=truck).verdict in ("inside", "outside", "undecided")
-
-
-def test_reference_signals_have_no_sigma_in_the_table(truck):
-    log = simulated(truck, "step", noise="gyros")
-    found = fw.validate(log, log, "step", vehicle=truck)
-    rows = {row[0]: row[1:4] for row in found.table().rows}
-    for name, has_sigma in (("steady_gain.yaw_rate.tractor", True), ("steady_gain.roll.tractor", False)):
-        assert {"±" in str(cell) for cell in rows[found.log[name].title]} == {has_sigma}
-        assert (found.log[name].sigma is not None) == has_sigma
-    assert {m.name: m.verdict for m in found.measures}["steady_gain.roll.tractor"] == "inside"
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import pytest
 
 from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.base.options import TyreLaw
 from fifthwheel.data.logs import write_record
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
@@ -40,7 +39,6 @@ SETTINGS = {
         restart_after=0.0,
         min_speed=24.3,
     ),
-    "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
     "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
     "own tyre law": ObserverSettings(friction=0.5, tyres=brush),
 }
@@ -201,8 +199,8 @@ def program(request: pytest.FixtureRequest, plain: Exported, truck: Vehicle, lan
 @pytest.mark.slow
 def test_every_fault_gives_what_push_gives(program: Exported, lane: Record) -> None:
     (observer, replay), seen = program, set()
-    estimates_bank = observer.settings.estimate_bank
-    for fault in FAULTS:
+    plain, estimates_bank = observer.settings == SETTINGS["plain"], observer.settings.estimate_bank
+    for fault in FAULTS if plain else ("missing_measurements", "missing_inputs", "spikes", "slow", "reversed_steer"):
         record = with_fault(lane, fault)
         expected = pushed(observer, record)
         tolerance = TOLERANCE["double"] * AMPLIFIED.get(fault, 1.0) * (OF_BANK if estimates_bank else 1.0)
@@ -213,8 +211,7 @@ def test_every_fault_gives_what_push_gives(program: Exported, lane: Record) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tyres", ["saturating", "linear"])
-def test_own_equations_of_the_steering(tyres: TyreLaw, truck: Vehicle, tmp_path: Path) -> None:
+def test_own_equations_of_the_steering(truck: Vehicle, tmp_path: Path) -> None:
     """A lag of the front axle and roll steer of the trailer; the C code starts at their steady state, too.
 
     An accelerometer and its offset are among the signals.
@@ -224,7 +221,7 @@ def test_own_equations_of_the_steering(tyres: TyreLaw, truck: Vehicle, tmp_path:
     )
     own = truck.with_logged_steering([STEER], "the lane change")
     own = own.with_steering(lag_and_roll_steer, states={"actuator.tractor": "0.01 rad"}, parameters=OWN)
-    settings = ObserverSettings(tyres=tyres, friction=0.5, sensor_errors={f"{ACCELERATION}.offset": 0.1})
+    settings = ObserverSettings(tyres="saturating", friction=0.5, sensor_errors={f"{ACCELERATION}.offset": 0.1})
     observer = Observer(own, lane.signals, settings)
     assert ACCELERATION in observer.outputs
     assert "actuator.tractor" in observer.reported
@@ -242,16 +239,12 @@ def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
         assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["float"])
 
 
-@pytest.mark.parametrize(
-    "units", ["yaw only", *(pytest.param(n, marks=pytest.mark.slow) for n in ("four units", "relaxation lengths"))]
-)
-def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
-    catalogue = {"four units": "a_double", "relaxation lengths": "cheng_cebon_2011"}
-    train = vehicle.get(catalogue[units]) if units in catalogue else truck
-    sensors = article_gyro_variance([unit.name for unit in train.units])
-    record = simulate(train, count=1, seed=1, sensors=sensors)
-    signals = {n: v for n, v in record.signals.items() if units not in ("yaw only", "four units") or "roll" not in n}
-    record = Record(time=record.time, signals=signals, name=units)
+@pytest.mark.parametrize("model", ["yaw only", pytest.param("relaxation lengths", marks=pytest.mark.slow)])
+def test_other_models(model: str, truck: Vehicle, tmp_path: Path) -> None:
+    train = truck if model == "yaw only" else vehicle.get("cheng_cebon_2011")
+    record = simulate(train, count=1, seed=1)
+    signals = {n: v for n, v in record.signals.items() if model != "yaw only" or "roll" not in n}
+    record = Record(time=record.time, signals=signals, name=model)
     observer = Observer(train, signals)
     assert_equal(replayed(compiled(observer, tmp_path), observer, record), pushed(observer, record), 1e-12)
 
@@ -274,22 +267,6 @@ def test_a_clock_that_was_set_back_is_a_new_start(plain: Exported, lane: Record)
     observer.reset()
 
 
-def test_a_time_that_is_not_later_changes_nothing(plain: Exported, lane: Record) -> None:
-    observer, replay = plain
-    rows = np.column_stack([lane.time, *[lane.signals[name] for name in (*observer.inputs, *observer.outputs)]])
-    good = ",".join(map(repr, rows[0].tolist()))
-    wrong = [",".join([text, *map(str, rows[0, 1:])]) for text in ("0.0", "-1.0", "nan", "inf")]
-    later = ",".join(map(repr, rows[1].tolist()))
-    done = subprocess.run([replay], input="\n".join([good, *wrong, later]), capture_output=True, text=True, check=True)
-    assert done.stderr.count("time is not after") == len(wrong)
-    assert len(done.stdout.splitlines()) == 3
-    observer.reset()
-    answers = [
-        observer.push(dict(zip(("time", *observer.inputs, *observer.outputs), row, strict=True))) for row in rows[:2]
-    ]
-    assert float(done.stdout.splitlines()[2].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
-
-
 def test_the_program_reads_a_file_with_names(plain: Exported, lane: Record, tmp_path: Path) -> None:
     """In any order, with other columns, units and empty fields; another unit or a missing signal is refused."""
     observer, replay = plain
@@ -307,15 +284,12 @@ def test_the_program_reads_a_file_with_names(plain: Exported, lane: Record, tmp_
     assert "columns; name them in the first line" in done.stderr
 
 
-def test_the_header_names_the_signals(plain: Exported) -> None:
+def test_the_header_names_the_signals_and_refuses_the_same_name(plain: Exported) -> None:
     folder = plain[1].parent
     header = (folder / "fw_samples.h").read_text()
     assert "FW_INPUT_STEER_TRACTOR_FRONT = 1, /* steer.tractor.front, rad */" in header
     assert "FW_STATE_SIDESLIP_SEMITRAILER" in header
     assert not any("@" in (folder / name).read_text() for name in FILES)
-
-
-def test_signals_with_the_same_name_in_c_are_refused() -> None:
     inputs = dict.fromkeys(("speed", "steer.a.b_c", "steer.a_b.c"), "")
     with pytest.raises(FifthwheelError, match=r"steer\.a\.b_c, steer\.a_b\.c.*rename a unit"):
         c_text.enumerations({"INPUT": inputs})

@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import fifthwheel as fw
-from fifthwheel.results.report import write_assessment_report, write_report
-from fifthwheel.results.report.assessment import TruckEvidence, write_evidence
-from fifthwheel.results.report.comparison import write_evaluation_report
+from fifthwheel.results.report import write_report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [
@@ -158,35 +155,3 @@ def test_it_prints_at_once_with_the_appendix(report):
     assert data.startswith(b"%PDF")
     assert 8 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 40
     assert len(data) > 1e5, "the plots are not in it"
-
-
-TABLES = r"""
-<script>
-addEventListener("load", () => {
-  const wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
-  (parent.found ??= {})[location.pathname.split("/").pop()] = [wide, document.documentElement.scrollWidth];
-  parent.document.title = JSON.stringify(parent.found);
-});
-</script>
-"""
-
-
-def test_tables_of_measures_fit_a_narrow_screen(tmp_path):
-    names = ("validation", "evaluation", "assessment", "evidence")
-    found = {name: tmp_path / f"{name}.html" for name in names}
-    truck = fw.vehicle("cheng_cebon_2011")
-    quiet = {f"yaw_rate.{unit}": 1e-6 for unit in ("tractor", "semitrailer")}
-    sensors = {**quiet, "roll.tractor": 1e-7, "roll.semitrailer": 1e-7}
-    log = fw.simulate(truck, manoeuvre="slowly_increasing_steer", sensors=sensors, seed=1)
-    write_evaluation_report(found["validation"], fw.validate(log, log, "steady_state", vehicle=truck))
-    write_evaluation_report(found["evaluation"], fw.evaluate(log, "steady_state", vehicle=truck))
-    assessment = fw.assess(truck, cheap=True, nonlinear=False)
-    write_assessment_report(found["assessment"], assessment)
-    contents = found["evidence"].with_suffix(".json")
-    contents.write_text("{}")
-    write_evidence(found["evidence"], TruckEvidence(assessment=assessment), contents)
-    state = open_pages([*found.values()], 390, probe=TABLES).state
-    assert len(state) == len(names)
-    for name, (wide, width) in state.items():
-        assert wide == 0, f"{name}: a table has to be scrolled sideways"
-        assert width <= 390, name

@@ -9,7 +9,6 @@ import pytest
 from fifthwheel.base.atomic import result_folder
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.pages.html import blocks
-from fifthwheel.results.report import provenance
 from fifthwheel.results.report.provenance import Provenance, gather_provenance, provenance_of_run, verify
 from fifthwheel.truck import catalogue
 
@@ -38,10 +37,9 @@ def test_the_command_is_quoted_for_a_shell(tmp_path):
     assert "v &lt;m/s&gt;" in html
     assert origin.files[0].sha256 in html
     assert origin.files[0].size == signals.stat().st_size
-
-
-def test_everything_is_optional():
-    assert "With " in blocks(provenance.Provenance(versions={"Python": "3"}).blocks())
+    assert "With " in blocks(Provenance(versions={"Python": "3"}).blocks())
+    (tmp_path / "x.json").write_text(json.dumps({"provenance": origin.as_dict()}))
+    assert Provenance.read(tmp_path / "x.json").as_dict() == origin.as_dict()
 
 
 def run(out, inputs):
@@ -66,13 +64,10 @@ def states(result, *folders):
     return {file.path.rpartition("/")[2]: file.state for file in verify(result, folders).files}
 
 
-def test_all_files_are_the_same(made):
+def test_the_same_and_changed_files(made):
     assert states(made) == dict.fromkeys(("identification.json", "page.html", "run.csv"), "same")
     assert verify(made).document().blocks[0].text.endswith("out: 3 files as recorded.")
     assert states(made / "identification.json") == {"identification.json": "same", "run.csv": "same"}
-
-
-def test_a_changed_log_and_a_changed_result_differ(made):
     (made.parent / "run.csv").write_text("2")
     (made / "page.html").write_text("other")
     verification = verify(made)
@@ -105,11 +100,8 @@ def test_a_result_that_grows_replaces_its_earlier_files(made):
     run(made, [more.relative_to(made.parent), made.relative_to(made.parent) / "identification.json"])
     verification = verify(made)
     assert verification.is_intact
-    assert [(f.path, f.state) for f in verification.files[2:]] == [
-        ("more.csv", "same"),
-        ("out/identification.json", "replaced"),
-        ("run.csv", "same"),
-    ]
+    states = {"more.csv": "same", "out/identification.json": "replaced", "run.csv": "same"}
+    assert {f.path: f.state for f in verification.files[2:]} == states
 
 
 @pytest.mark.parametrize("damage", [b"", b"[1]", b"\xff\x00", b'{"provenance": {"files": 3}}'])
@@ -120,13 +112,10 @@ def test_a_damaged_file_of_a_result_differs(made, damage):
     assert not any("does not record" in getattr(block, "text", "") for block in found.document().blocks)
 
 
-def test_a_damaged_manifest_is_named(made):
+def test_a_damaged_manifest_and_what_has_no_digests_are_refused(made, tmp_path):
     (made / "run.json").write_text("")
     with pytest.raises(FifthwheelError, match=r"out: run\.json in it is damaged"):
         verify(made)
-
-
-def test_what_has_no_digests_is_refused(tmp_path):
     with pytest.raises(FifthwheelError, match=r"no run\.json in it; give a result folder"):
         verify(tmp_path)
     other = tmp_path / "other.json"
@@ -138,10 +127,3 @@ def test_what_has_no_digests_is_refused(tmp_path):
     other.write_text('{"provenance": {"files": [{"path": 1}]}}')
     with pytest.raises(FifthwheelError, match=r"other\.json: provenance: damaged .*run its command again"):
         verify(other)
-
-
-def test_the_provenance_is_read_as_it_was_written(tmp_path):
-    (tmp_path / "log").write_text("1")
-    origin = gather_provenance([tmp_path / "log"], {"log": "1"}, ["assess", "x"])
-    (tmp_path / "x.json").write_text(json.dumps({"provenance": origin.as_dict()}))
-    assert Provenance.read(tmp_path / "x.json").as_dict() == origin.as_dict()
