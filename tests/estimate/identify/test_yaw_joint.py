@@ -65,7 +65,7 @@ def blamed(result: fw.Identification) -> list[str]:
 
 @pytest.mark.slow
 def test_a_log_contradicts_a_free_joint() -> None:
-    """Where the file has the damper, or the log none, nothing is contradicted."""
+    """Where the file has the damper, nothing is contradicted."""
     record = driven(60e3)
     free, stated = (truck.replace(NO_LAG) for truck in (FREE, BUS.replace({PATH: 50e3})))
     doubtful = fw.identify([record], free)
@@ -78,7 +78,6 @@ def test_a_log_contradicts_a_free_joint() -> None:
     file = free.to_toml().replace('name = "joint"', f'name = "joint"\n{line[1]}')
     assert fw.Vehicle.loads(file).parameters()[PATH] == pytest.approx(doubt.causes[0].changes[PATH], rel=1e-2)
     assert blamed(fw.identify([record], stated)) == []
-    assert blamed(fw.identify([driven(0.0)], free)) == []
 
 
 @pytest.mark.slow
