@@ -2,15 +2,12 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
-from fifthwheel.model.manoeuvres import lane_changes
-from fifthwheel.model.plant import Plant
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.test_steered_axles import LIFTED, with_axle
 
@@ -47,6 +44,8 @@ def test_a_castor_axle_of_the_file_is_uncertain() -> None:
     assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"})) == {PATH: (0.8, 0.3, True)}
     stated = unknowns(CASTOR, replace(LINEAR, given={PATH: "+- 20 %"}))
     assert stated == {PATH: (0.8, pytest.approx(0.16), False)}
+    settings = replace(EXACT, given={**EXACT.given, PATH: "0.7 +- 0.05"})
+    assert unknowns(FIXED, settings) == unknowns(CASTOR, settings) == {PATH: (0.7, 0.05, False)}
 
 
 def blamed(result: fw.Identification) -> list[str]:
@@ -68,30 +67,3 @@ def test_a_log_contradicts_a_fixed_axle() -> None:
     assert "doubtful" in {e.verdict for e in doubtful.parameters}
     assert blamed(right) == []
     assert largest_error(right) < 3
-
-
-@pytest.mark.slow
-def test_of_the_nonlinear_truck() -> None:
-    pytest.importorskip("mujoco")
-    run = Plant(CASTOR).drive(lane_changes(count=3))
-    record = run.record(seed=1)
-    doubtful, right = (fw.identify([record], file) for file in (FIXED, CASTOR))
-    assert PATH in blamed(doubtful)
-    assert blamed(right) == []
-    assert largest_error(right) < 2.5
-
-
-@pytest.mark.slow
-def test_of_a_truck_with_fixed_axles() -> None:
-    pytest.importorskip("mujoco")
-    record = Plant(FIXED).drive(lane_changes(count=3)).record(seed=3)
-    result, plain = (fw.identify([record], FIXED, fw.OneStage(given=given)) for given in ({}, EXACT.given))
-    assert blamed(result) == []
-    ratios = [a.sigma / b.sigma for a, b in zip(result.parameters, plain.parameters, strict=True)]
-    assert np.max(ratios) < 1.02
-
-
-def test_a_castor_axle_can_be_stated_without_a_file() -> None:
-    settings = replace(EXACT, given={**EXACT.given, PATH: "0.7 +- 0.05"})
-    for truck in (FIXED, CASTOR):
-        assert unknowns(truck, settings) == {PATH: (0.7, 0.05, False)}

@@ -5,20 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.options import TyreLaw
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.conftest import without
 
-LINEAR = OneStage(tyres="linear")
+KNOWN = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"})
 FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"
 STIFFNESS_AND_INERTIA = (
     *(f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")),
@@ -32,19 +28,14 @@ def copy(record: Record) -> Record:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [LINEAR, TwoStage()],
-    ids=["one", "two"],
-)
-def test_identification_changes_none_of_its_arguments(truck: Vehicle, settings: OneStage | TwoStage) -> None:
+def test_identification_changes_none_of_its_arguments(truck: Vehicle) -> None:
     """And so the same call has the same result, bit by bit."""
     records = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2)]
     speed = records[0].signals["speed"].copy()
     speed[100] += 10.0  # a spike that is removed
     records[0] = records[0].with_signals({"speed": speed})
     given, vehicle = [copy(record) for record in records], truck.model_copy(deep=True)
-    results = [identify(records[:1], truck, settings, validate=records[1:]) for _ in range(2)]
+    results = [identify(records[:1], truck, KNOWN, validate=records[1:]) for _ in range(2)]
     assert records == given
     assert truck == vehicle
     assert results[0].to_json() == results[1].to_json()
@@ -93,6 +84,7 @@ def test_noise_of_a_log(truck: Vehicle) -> None:
 def test_refused_logs(truck: Vehicle) -> None:
     record = simulate(truck, count=1, name="one")
     crawling = replace(record.with_signals({"speed": 0 * record.time + 1.0}), name="crawling")
+    alternating = record.with_signals({"speed": np.where(np.arange(len(record)) % 2, 4.0, 6.0)})
     cases = [
         ([], [], "logs: none given"),
         ([record], [record], "logs: one given more than once"),
@@ -101,62 +93,33 @@ def test_refused_logs(truck: Vehicle) -> None:
         ([without(record, "speed")], [], "speed"),
         ([without(record, "yaw_rate")], [], r"yaw_rate\.tractor: in none of the logs"),  # roll rates are not enough
         ([record], [crawling], "speed: "),
+        ([alternating], [], "never at 5 m/s or above for two samples"),
     ]
     for records, validate, message in cases:
         with pytest.raises(SignalError, match=message):
             prepare_dataset(records, truck, OneStage(check=False), validate)
 
 
-def test_alternating_speed_about_the_limit(truck: Vehicle) -> None:
-    record = simulate(truck, count=1)
-    speed = np.where(np.arange(len(record)) % 2, 4.0, 6.0)
-    with pytest.raises(SignalError, match="never at 5 m/s or above for two samples"):
-        prepare_dataset([record.with_signals({"speed": speed})], truck, TwoStage(check=False))
-
-
-@pytest.mark.slow
 def test_a_steered_trailer(truck: Vehicle) -> None:
     """A log with a steered trailer is used as such; a log without its steer angle is refused beside it."""
-    record = simulate(truck, count=1, seed=1, name="steered")
-    rear = 0.3 * record.signals[FRONT]
-    steered = truck.with_logged_steering({FRONT, REAR}, "")
-    outputs = tuple(name for name in record.signals if "rate" in name)
-    inputs = {n: record.signals[n] for n in ("speed", FRONT)} | {REAR: rear}
-    model = dynamics.model(steered, outputs, roll=True)
-    _, y = free_response(model, dynamics.all_parameters(steered, outputs), record.time, inputs)
-    noise = np.random.default_rng(0).normal(size=y.shape) * [2e-2, 7e-3, 4e-3, 3.3e-3]
-    log = record.with_signals(inputs | {name: y[:, i] + noise[:, i] for i, name in enumerate(outputs)})
-    other = simulate(truck, count=1, seed=2, name="other")
-    result = identify([log], truck, OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}))
-    assert not any(REAR in note for note in result.notes)
-    for e in result.parameters:
-        assert e.sigma is not None
-        assert abs(e.value - truck.parameters()[e.name]) < 3 * e.sigma, e.name
-        assert e.verdict is Verdict.CONVERGED
-    for call in (lambda: identify([log], truck, validate=[other]), lambda: identify([log, other], truck)):
+    record, other = (simulate(truck, count=1, seed=seed, name=name) for seed, name in ((1, "steered"), (2, "other")))
+    log = record.with_signals({REAR: 0.3 * record.signals[FRONT]})
+    dataset = prepare_dataset([log], truck, OneStage(check=False))
+    assert not any(REAR in note for note in dataset.notes)
+    assert dataset.vehicle.steer_signals() == (FRONT, REAR)
+    for logs, validate in (([log], [other]), ([log, other], [])):
         with pytest.raises(SignalError, match=r"steer\.semitrailer\.rear: not in other, but in another log"):
-            call()
+            prepare_dataset(logs, truck, OneStage(check=False), validate)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "tyres"),
-    [
-        ("yaw_rate.semitrailer", "saturating"),
-        ("lateral_acceleration.tractor", "linear"),
-    ],
-)
-def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: TyreLaw) -> None:
+def test_one_channel_of_any_unit_is_enough(truck: Vehicle) -> None:
     """The trailer pulls at the fifth wheel; the fit with tyres that saturate had a friction that is not a number."""
     record = simulate(truck, count=2, seed=4)
-    kept = {n: values for n, values in record.signals.items() if n in ("speed", FRONT, name)}
-    if name not in kept:
-        locked = truck.with_logged_steering([FRONT], "")
-        model = dynamics.model(locked, [name], roll=True)
-        _, y = free_response(model, dynamics.all_parameters(locked, [name]), record.time, kept)
-        kept[name] = y[:, 0] + np.random.default_rng(0).normal(scale=0.05, size=len(record))
+    kept = {n: values for n, values in record.signals.items() if n in ("speed", FRONT, "yaw_rate.semitrailer")}
     guess = truck.replace({path: 0.85 * truck.parameters()[path] for path in STIFFNESS_AND_INERTIA})
-    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres, given={"others": "exact"}))
+    settings = OneStage(tyres="saturating", given={"others": "exact"})
+    result = identify([replace(record, signals=kept)], guess, settings)
     for e in map(result.__getitem__, STIFFNESS_AND_INERTIA):
         assert e.verdict is Verdict.CONVERGED
         assert e.sigma is not None
@@ -165,26 +128,17 @@ def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: Tyr
     assert result["semitrailer.payload.height"].verdict is Verdict.NOT_IDENTIFIABLE
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [LINEAR, TwoStage()],
-    ids=["one", "two"],
-)
-def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage) -> None:
+def test_a_channel_without_samples_counts_as_absent(truck: Vehicle) -> None:
     """It made the payload height converged, which its roll rate alone determines."""
-    name, record, settings = "roll_rate.semitrailer", simulate(truck, count=1), replace(settings, check=False)
-    signals = {n: values for n, values in record.signals.items() if n != "roll_rate.tractor"}
-    record = replace(record, signals=signals)
+    name, record = "roll_rate.semitrailer", simulate(truck, count=1)
     empty = record.with_signals({name: np.full(len(record), np.nan)})
     absent = replace(record, signals={n: values for n, values in record.signals.items() if n != name})
-    result, expected = (identify([r], truck, settings) for r in (empty, absent))
-    assert result["semitrailer.payload.height"].verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED)
-    assert result.parameters == expected.parameters
-    assert result.sensors == expected.sensors
-    (log,) = result.logs
-    assert name not in log.noise
-    assert [note for note in result.notes if note not in expected.notes] == [
+    dataset, expected = (prepare_dataset([r], truck, OneStage(check=False)) for r in (empty, absent))
+    assert dataset.outputs == expected.outputs == tuple(n for n in expected.outputs if n != name)
+    assert [segment.signals.keys() for segment in dataset.logs[0].segments] == [
+        segment.signals.keys() for segment in expected.logs[0].segments
+    ]
+    assert [note for note in dataset.notes if note not in expected.notes] == [
         f"simulated: {name}: no samples; it counts as absent. Map another column."
     ]
     assert empty.notes == ()

@@ -1,20 +1,13 @@
 """Tests of priors against estimates of a small linear problem without one of the priors."""
 
 import math
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fifthwheel.estimate.identify import doubts
 from fifthwheel.estimate.identify.doubts import (
-    Cause,
-    Doubt,
-    DoubtKind,
-    Evidence,
     PriorTest,
-    describe_doubt,
     linear_odds,
     most_likely,
     prior_tests,
@@ -58,7 +51,7 @@ def linear(seed: int, z: tuple[float, ...] = (1.0, 0.5, -1.0, 2.0, -0.3), scale:
 
 
 @pytest.mark.parametrize("scale", [0.2, 2.0], ids=str)
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_test_of_a_prior_is_the_estimate_without_it(seed: int, scale: float) -> None:
     problem = linear(seed, scale=scale)
     z, cost = problem.estimate()
@@ -97,23 +90,14 @@ def test_autocorrelated_noise_scatters_the_estimates_more() -> None:
     assert np.mean(np.square(statistics)) == pytest.approx(1.0, abs=0.1)
 
 
-def test_without_information_there_is_no_test() -> None:
-    problem = linear(1)
-    problem.jacobian[:, 3] = 0.0
-    assert "d" not in {test.name for test in problem.tests()}
-
-
-@pytest.mark.parametrize("cause", TESTED)
-def test_the_true_cause_is_the_most_likely(cause: str) -> None:
-    for seed in range(20):
-        truth = dict.fromkeys(NAMES, 0.2) | {cause: 8.0}
-        causes = most_likely(linear(seed, tuple(truth.values())).tests(), UNKNOWNS)
-        assert causes[0].name == cause
-        assert causes[0].implied == pytest.approx(8.0, abs=2.0)
-
-
-def test_a_usual_change_is_not_a_doubt() -> None:
-    """The logs show it clearly, but its prior explains it."""
+def test_the_true_cause_is_the_most_likely() -> None:
+    """A change that the logs show clearly but its prior explains is no doubt."""
+    for cause in TESTED:
+        for seed in range(8):
+            truth = dict.fromkeys(NAMES, 0.2) | {cause: 8.0}
+            causes = most_likely(linear(seed, tuple(truth.values())).tests(), UNKNOWNS)
+            assert causes[0].name == cause
+            assert causes[0].implied == pytest.approx(8.0, abs=2.0)
     assert most_likely(linear(2, (0.0, 0.0, 0.0, 2.0, 0.0)).tests(), UNKNOWNS) == []
 
 
@@ -127,31 +111,11 @@ def test_the_odds_of_a_gross_error_are_those_of_two_marginal_likelihoods() -> No
     assert linear_odds(test, GrossError(w, 2.0)) == pytest.approx(expected)
 
 
-def test_causes_that_are_as_likely_as_the_first() -> None:
-    """Within a factor of 20, the likeliest first; a number that cannot have a gross error is none."""
-    errors = {"first": GrossError(10.0, 1.0), "near": GrossError(10.0, 1 / 19), "far": GrossError(10.0, 1 / 21)}
-    tests = [
-        PriorTest(name=name, statistic=-8.0, implied=-9.0, shifts=np.zeros(1))
-        for name in ("far", "near", "no", "first")
-    ]
-    with patch.object(doubts, "gross_error", lambda unknown: errors.get(unknown)):
-        found = most_likely(tests, {test.name: test.name for test in tests})
-    assert [test.name for test in found] == ["first", "near"]
-
-
-def test_doubts_in_words() -> None:
-    """What the evidence is against, and what may be wrong by how much."""
-    causes = [Cause(name=name, changes={}, prior_sigmas=s) for name, s in (("a.mass", 5.24), ("b.offset@0", -3.96))]
-    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=tuple(causes), parameters=(), statistic=5.0)
-    assert describe_doubt(doubt) == (
-        "contradicted assumption: a.mass (+5.2 prior sigma) or b.offset (-4.0 prior sigma)"
-    )
-    noise = Doubt(kind=DoubtKind.NOISE, causes=(), parameters=(), statistic=5.0)
-    assert describe_doubt(noise) == "residuals larger than the noise explains"
-
-
 def test_an_unknown_with_little_information_has_no_test() -> None:
-    """Below 0.3 % of the variance of its prior, whatever that is."""
+    """Below 0.3 % of the variance of its prior, whatever that is; or none."""
+    problem = linear(1)
+    problem.jacobian[:, 3] = 0.0
+    assert "d" not in {test.name for test in problem.tests()}
     for variance in (1.0, 0.04):
         for information, tested in ((0.0029, False), (0.0031, True)):
             P = np.diag([variance * (1 - information)])
@@ -160,26 +124,3 @@ def test_an_unknown_with_little_information_has_no_test() -> None:
             if found:
                 assert found[0].implied == pytest.approx(0.01 / information)
                 assert found[0].statistic == pytest.approx(5.0)
-
-
-def test_the_prior_mean_of_a_cause_is_that_of_one_number() -> None:
-    """An unknown that changes numbers of other names has none."""
-    fields = {"scale": 0.1, "lower": 0.0, "upper": 9.0}
-    mass = Unknown(name="mass", centre=2.0, logarithmic=True, **fields)
-    both = Unknown(name="cog", centre=0.0, moves={"x": 2.0, "y": -1.0}, **fields)
-    evidence = Evidence(
-        names=("mass", "cog"),
-        z=np.zeros(2),
-        covariance=np.eye(2),
-        unknowns={"mass": mass, "cog": both},
-        parameters=(),
-    )
-    tests = [PriorTest(name=n, statistic=-8.0, implied=-4.0, shifts=np.zeros(2)) for n in ("mass", "cog")]
-    (doubt,) = evidence.contradicted_assumptions(tests)
-    assert [cause.prior_mean for cause in doubt.causes] == [2.0, None]
-    assert [dict(cause.changes) for cause in doubt.causes] == [
-        {"mass": pytest.approx(2 * np.expm1(-0.4))},
-        {"x": pytest.approx(-0.8), "y": pytest.approx(0.4)},
-    ]
-    assert doubt.statistic == 8.0
-    assert list(evidence.contradicted_assumptions([])) == []

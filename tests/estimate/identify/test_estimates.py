@@ -6,21 +6,15 @@ import pytest
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.channels import YAW_RATE
 from fifthwheel.estimate.identify import Estimate, Verdict
-from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.estimates import (
     derived_from_covariance,
     derived_from_payload_height,
     fixed_estimate,
-    log_summary,
     parameter_estimate,
-    sensor_error_estimates,
     sensor_error_unit,
 )
-from fifthwheel.estimate.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 
 HEIGHT, STIFFNESS = "semitrailer.payload.height", "tractor.front.cornering_stiffness"
@@ -43,6 +37,10 @@ def test_parameter_estimate(truck: Vehicle) -> None:
     assert height_estimate(truck).sigma == pytest.approx(0.05)
     fixed = fixed_estimate(STIFFNESS, 4.0e5)
     assert (fixed.value, fixed.initial, fixed.sigma, fixed.verdict) == (4.0e5, 4.0e5, None, Verdict.FIXED)
+    assert derived_from_payload_height(truck, []) == []  # without information
+    assert all(e.sigma is None for e in derived_from_payload_height(truck, [fixed_estimate(HEIGHT, 1.0)]))
+    uncertainty = Uncertainty(names=(STIFFNESS,), covariance=np.eye(1))
+    assert derived_from_covariance(truck, truck, [height_estimate(truck)], uncertainty) == []
 
 
 def test_derived_quantities_of_a_payload_that_is_as_heavy_as_its_unit_allows(truck: Vehicle) -> None:
@@ -83,17 +81,11 @@ def test_the_sigma_of_derived_quantities_contains_correlations(truck: Vehicle) -
     """Of a body with its own CoG height and roll inertia: sqrt(g P g'), and the worst verdict that matters."""
     lumped = truck.lumped()
     names = ("semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia", f"{RATE}.gain")
-    P = (
-        np.diag([0.1, 900.0, 1.0])
-        @ np.array([[1, 0.6, 0.3], [0.6, 1, 0.0], [0.3, 0.0, 1]])
-        @ np.diag([0.1, 900.0, 1.0])
-    )
-    estimates = [
-        Estimate(
-            name=name, value=1.0, sigma=0.1, unit="1", initial=1.0, verdict=verdict, stage=1
-        )
-        for name, verdict in zip(names[:2], (Verdict.CONVERGED, Verdict.DOUBTFUL), strict=True)
-    ]  # fmt: skip
+    S = np.diag([0.1, 900.0, 1.0])
+    P = S @ np.array([[1, 0.6, 0.3], [0.6, 1, 0.0], [0.3, 0.0, 1]]) @ S
+    rest = {"value": 1.0, "sigma": 0.1, "unit": "1", "initial": 1.0, "stage": 1}
+    verdicts = zip(names[:2], (Verdict.CONVERGED, Verdict.DOUBTFUL), strict=True)
+    estimates = [Estimate(name=name, verdict=verdict, **rest) for name, verdict in verdicts]
     derived = derived_from_covariance(lumped, lumped, estimates, Uncertainty(names=names, covariance=P))
     height, inertia = derived
     assert (height.name, inertia.name) == ("semitrailer.cog_height", "semitrailer.roll_inertia")
@@ -105,49 +97,8 @@ def test_the_sigma_of_derived_quantities_contains_correlations(truck: Vehicle) -
     assert (height.verdict, inertia.verdict) == (Verdict.CONVERGED, Verdict.DOUBTFUL)
 
 
-def test_derived_quantities_without_information(truck: Vehicle) -> None:
-    assert derived_from_payload_height(truck, []) == []
-    assert all(e.sigma is None for e in derived_from_payload_height(truck, [fixed_estimate(HEIGHT, 1.0)]))
-    uncertainty = Uncertainty(names=(STIFFNESS,), covariance=np.eye(1))
-    assert derived_from_covariance(truck, truck, [height_estimate(truck)], uncertainty) == []
-
-
-def test_sensor_errors_of_two_logs(truck: Vehicle) -> None:
-    record = simulate(truck, count=1)
-    unknowns = sensor_error_unknowns(truck, [RATE], TwoStage())
-    logs = [
-        LogData(name="a", segments=[record], errors={f"{RATE}.offset": 0.003}),
-        LogData(name="b", segments=[record]),
-    ]
-    shared = {u.name: 1.1 for u in unknowns if not u.per_log}
-    sigma = {name: 0.5 for u in unknowns for name in (u.name, f"{u.name}@0", f"{u.name}@1")}
-    errors = sensor_error_estimates(unknowns, logs, shared, sigma)
-    assert [(e.log, e.value, e.unit) for e in errors if e.name == f"{RATE}.offset"] == [
-        ("a", 0.003, "rad/s"),
-        ("b", 0.0, "rad/s"),
-    ]
-    assert [(e.log, e.value) for e in errors if e.name == f"{STEER}.gain"] == [(None, 1.1)]
-    assert {e.sigma for e in errors if e.name == f"{RATE}.offset"} == {0.5 * YAW_RATE.error("offset").prior}
-
-
 def test_units_of_sensor_errors() -> None:
     names = (f"{STEER}.offset", f"{STEER}.gain", f"{STEER}.delay", "roll_rate.semitrailer.offset")
     assert [sensor_error_unit(name) for name in names] == ["rad", "1", "s", "rad/s"]
     with pytest.raises(SignalError, match="expected the name of a sensor error"):
         sensor_error_unit(STEER)
-
-
-def test_log_summary(truck: Vehicle) -> None:
-    """Rejected are measurements that are present and not accepted."""
-    record = simulate(truck, count=1)
-    gyro = record.signals[RATE].copy()
-    gyro[:100] = np.nan
-    record = record.with_signals({RATE: gyro})
-    accepted = np.ones((len(record), 2))
-    accepted[:140, 0] = 0.0
-    log = LogData(name="log", segments=[record], noise={RATE: 1e-5})
-    summary = log_summary(record, log, (RATE, "articulation.semitrailer"), accepted)
-    assert summary.rejected == {RATE: pytest.approx(40 / (len(record) - 100))}
-    assert summary.noise == {RATE: 1e-5}
-    assert (summary.samples, summary.span) == (len(record), record.span)
-    assert summary.used == pytest.approx(record.span[1] - record.span[0])

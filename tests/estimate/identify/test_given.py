@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.apps.workflow.start import chosen_one_stage, identification_settings
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.options import IdentifyOptions, TyreLaw
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import CommonSettings, OneStage
 from fifthwheel.estimate.identify.given import applied, possible_names, require_signals
@@ -24,15 +23,11 @@ from fifthwheel.estimate.identify.statement import Statement, combined, parse, p
 from fifthwheel.estimate.identify.statement import stated as stated_on
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
 from fifthwheel.truck import Vehicle, changes, get
-from fifthwheel.truck.quantities import ROADS, quantity_of, unit_of
-from tests.apps.cli.conftest import run
+from fifthwheel.truck.quantities import ROADS, unit_of
 from tests.truck.test_classes import TEXT
-
-__all__ = ["run"]
 
 TRUCK = get("cheng_cebon_2011")
 SATURATING = OneStage(tyres="saturating")
-EXAMPLES = Path(__file__).parents[3] / "examples"
 BODY, LOAD = "semitrailer.sprung.mass", "semitrailer.payload.mass"
 HEIGHT, TRAILER = "semitrailer.payload.height", "semitrailer.cornering_stiffness"
 GAIN, DELAY = "steer.tractor.front.gain", "yaw_rate.semitrailer.delay"
@@ -70,16 +65,19 @@ def test_the_forms_of_a_statement(text: str, statement: Statement) -> None:
     assert parse(str(statement)) == statement
 
 
-def test_without_statements_nothing_changes() -> None:
-    settings = OneStage()
-    assert stated(settings=settings) == (TRUCK, settings)
-
-
 def test_numbers_of_the_vehicle() -> None:
-    vehicle, settings = stated("semitrailer.mass=33.6 t +- 0.5 %", "fifth_wheel.height=+- 1 cm", "tractor.mass=7.3 t")
+    """Value and sigma may be two statements; the end of a path states each number by its own fraction."""
+    assert stated(settings=OneStage()) == (TRUCK, OneStage())
+    texts = ("semitrailer.mass=33.6 t +- 0.5 %", "fifth_wheel.height=+- 1 cm", "tractor.mass=7.3 t")
+    vehicle, settings = stated(*texts)
     assert (vehicle.unit("semitrailer").mass, vehicle.unit("tractor").mass) == (33600.0, 7300.0)
     assert vehicle.stated == {"semitrailer.mass": pytest.approx(168.0), "fifth_wheel.height": pytest.approx(0.01)}
     assert settings.given == {"semitrailer.mass": "+- 0.5 %", "fifth_wheel.height": "+- 1 cm"}
+    assert stated("semitrailer.mass=+- 0.5 %", "semitrailer.mass=33.6 t", *texts[1:]) == (vehicle, settings)
+    assert stated("tractor.mass=7.3 t", "mass=+- 1 %")[0].stated["tractor.mass"] == pytest.approx(73)
+    vehicle, _ = stated("roll_damping=+- 20 %")  # the fifth wheel has none
+    assert set(vehicle.stated) == {f"{path}.roll_damping" for path in ("tractor.front", "tractor.drive", "semitrailer")}
+    assert vehicle.stated["semitrailer.roll_damping"] == pytest.approx(24e3)
 
 
 @pytest.mark.parametrize(
@@ -145,18 +143,6 @@ def test_the_cog_is_as_uncertain_as_the_wheelbase_that_it_was_weighed_with() -> 
     assert vehicle.stated["semitrailer.cog"] == pytest.approx(own)
 
 
-def test_value_and_sigma_may_be_two_statements() -> None:
-    assert stated("semitrailer.mass=+- 0.5 %", "semitrailer.mass=33.6 t") == stated("semitrailer.mass=33.6 t +- 0.5 %")
-    assert stated("tractor.mass=7.3 t", "mass=+- 1 %")[0].stated["tractor.mass"] == pytest.approx(73)
-
-
-def test_the_end_of_several_paths() -> None:
-    """Each has its own fraction; the fifth wheel without damping has none."""
-    vehicle, _ = stated("roll_damping=+- 20 %")
-    assert set(vehicle.stated) == {f"{path}.roll_damping" for path in ("tractor.front", "tractor.drive", "semitrailer")}
-    assert vehicle.stated["semitrailer.roll_damping"] == pytest.approx(24e3)
-
-
 ROLL, KINDS = (
     "semitrailer.roll_stiffness",
     ("steer.*.delay=+- 5 ms", "yaw_rate.*.gain=exact", "misalignment=+- 0.5 deg"),
@@ -168,26 +154,19 @@ ROLL, KINDS = (
     [
         (ROLL, (), (2.7e6, 0.27e6)),
         (ROLL, (f"{ROLL}=2600 kN m/rad +- 100 kN m/rad",), (2.6e6, 0.1e6)),
-        (ROLL, (f"{ROLL}=2600 kN m/rad",), (2.6e6, 0.26e6)),
         (ROLL, (f"{ROLL}=exact",), None),
-        (TRAILER, (f"{TRAILER}=1300 kN/rad +- 5 %",), (1.3e6, 0.065e6)),
         (TRAILER, (f"{TRAILER}=1300 kN/rad",), (1.3e6, 0.39e6)),
-        (TRAILER, (f"{TRAILER}=exact",), None),
         (HEIGHT, (), (1.4, 0.75)),
-        (HEIGHT, (f"{HEIGHT}=2 m +- 0.2 m",), (2.0, 0.2)),
         (HEIGHT, (f"{HEIGHT}=+- 10 %",), (1.23, 0.123)),
         (HEIGHT, (f"{HEIGHT}=2 m",), (2.0, 0.75)),
-        (GAIN, (f"{GAIN}=1 +- 2 %",), (1.0, 0.02)),
         (GAIN, (f"{GAIN}=1.03",), (1.03, 0.15)),
         (GAIN, ("steer.*.gain=1.03 +- 2 %",), (1.03, 0.0206)),
         (DELAY, (f"{DELAY}=20 ms +- 5 ms",), (0.02, 0.005)),
         ("yaw_rate.tractor.delay", (f"{DELAY}=20 ms +- 5 ms",), (0.0, 0.01)),
-        ("yaw_rate.tractor.misalignment", ("yaw_rate.tractor.misalignment=exact",), None),
         ("steer.tractor.front.play", ("steer.tractor.front.play=0.3 deg +- 0.1 deg",), (0.00523599, 0.00174533)),
         ("steer.tractor.front.delay", KINDS, (0.0, 0.005)),
         ("yaw_rate.tractor.gain", KINDS, None),
         ("roll_rate.semitrailer.misalignment", KINDS, (0.0, 0.00872665)),
-        ("speed.delay", ("speed.delay=60 ms +- 5 ms",), (0.06, 0.005)),
         # an exact sensor error reaches the model, and the logs cannot change it
         (GAIN, (f"{GAIN}=1.03 exact",), (1.03, 0.0)),
         (DELAY, (f"{DELAY}=20 ms exact",), (0.02, 0.0)),
@@ -198,45 +177,33 @@ def test_the_prior_is_as_stated(name: str, texts: tuple[str, ...], expected: tup
     assert prior(name, *texts) == (expected and pytest.approx(expected, abs=1e-6))
 
 
-def test_an_exact_payload_height_is_part_of_the_vehicle() -> None:
+def test_exact_and_free_parameters() -> None:
     vehicle, settings = stated(f"{HEIGHT}=2 m exact")
     assert (vehicle.parameters()[HEIGHT], settings.given, vehicle.stated[HEIGHT]) == (2.0, {HEIGHT: "exact"}, 0.0)
     article = IdentifyOptions(method="article", statements=(f"{HEIGHT}=exact",))
     assert identification_settings(TRUCK, article)[1].given == {"sensors": "exact", HEIGHT: "exact"}
-
-
-def test_free_parameters_are_estimated_too() -> None:
     assert prior("tractor.yaw_inertia", "tractor.yaw_inertia=24000 kg m^2 free") == pytest.approx((24e3, 7.2e3))
     assert prior("tractor.cog", "tractor.cog=free") == (-1.03, 0.5)
     names = estimated_parameters(*stated("tractor.cog=free", "tractor.front.cornering_stiffness=exact"))
     assert "tractor.cog" in names
     assert "tractor.front.cornering_stiffness" not in names
+    with pytest.raises(FifthwheelError, match="expected a standard deviation below 100 % of the value"):
+        prior(TRAILER, f"{TRAILER}=+- 100 %")
 
 
-def test_the_bank_of_the_road() -> None:
-    assert Setup.of(TRUCK, OUTPUTS, OneStage(tyres="linear", given={"bank": "+- 0.01 rad"})).bank_sigma == 0.01
-    level = Setup.of(TRUCK, OUTPUTS, OneStage(tyres="linear", given={"road.bank": "exact"}))
+def test_the_road_and_errors_of_the_model() -> None:
+    linear = OneStage(tyres="linear")
+    assert Setup.of(TRUCK, OUTPUTS, replace(linear, given={"bank": "+- 0.01 rad"})).bank_sigma == 0.01
+    level = Setup.of(TRUCK, OUTPUTS, replace(linear, given={"road.bank": "exact"}))
     assert (level.bank_sigma, level.model.bank) == (0.0, False)
-
-
-def test_the_friction_of_the_road() -> None:
-    def friction(*texts: str) -> tuple[float, float] | None:
-        return prior("road.friction", *texts, settings=SATURATING)
-
-    assert friction() == (0.75, pytest.approx(0.3))
-    assert friction("road.friction=0.6 +- 10 %") == (0.6, pytest.approx(0.06))
-    for name, road in ROADS.items():
-        assert friction(f"road.friction={name}") == (road.value, pytest.approx(road.sigma * road.value))
-    assert friction("friction=wet exact") is None
+    expected = {(): (0.75, 0.3), ("road.friction=0.6 +- 10 %",): (0.6, 0.06), ("friction=wet exact",): None}
+    expected |= {(f"road.friction={name}",): (road.value, road.sigma * road.value) for name, road in ROADS.items()}
+    for texts, friction in expected.items():
+        assert prior("road.friction", *texts, settings=SATURATING) == (friction and pytest.approx(friction))
     vehicle, settings = stated("friction=wet exact", settings=SATURATING)
     assert Setup.of(vehicle, OUTPUTS, settings).given["road.friction"] == 0.5
     assert prior("tyre.shape", "tyre.shape=+- 5 %", settings=SATURATING) == pytest.approx((1.1, 0.055))
     assert prior("tyre.shape", "tyre.shape=1.2", settings=SATURATING) == pytest.approx((1.2, 0.144))
-
-
-def test_errors_of_the_model() -> None:
-    linear = OneStage(tyres="linear")
-    assert prior("yaw_rate.tractor.delay", "yaw_rate.*.delay=+- 5 ms") == (0.0, 0.005)
     assert prior("tractor.front.softening", "softening=exact", settings=linear) is None
     assert prior("tractor.front.softening", "tractor.front.softening=3 1/rad +- 10 %", settings=linear) == (3.0, 0.3)
     assert prior(f"{TRAILER}.variation", "variation=+- 3 %") == (0.0, 0.03 * 1.0)
@@ -289,19 +256,10 @@ def test_twice_is_once() -> None:
     assert applied(*once) == once
 
 
-@pytest.mark.slow
 def test_every_number_that_can_be_stated_is_used_or_refused() -> None:
-    for law in (OneStage(tyres="linear"), SATURATING):
-        for name in possible_names(TRUCK, law):
+    for law, first in ((OneStage(tyres="linear"), 0), (SATURATING, 3)):
+        for name in list(possible_names(TRUCK, law))[first::7]:
             assert prior(name, f"{name}=exact", settings=law) is None
-
-
-def test_any_load_is_stated_of_the_laden_body() -> None:
-    body = "semitrailer.sprung.cog_height"
-    vehicle, settings = stated(f"{body}=2.1 m +- 10 %", settings=OneStage(uniform_payload=False))
-    assert vehicle.parameters()[body] == 2.1
-    assert vehicle.stated[body] == pytest.approx(0.21)
-    assert prior(body, settings=settings) is not None
 
 
 def test_two_stages_take_values_exact_numbers_and_priors_of_what_they_estimate() -> None:
@@ -316,45 +274,28 @@ def test_two_stages_take_values_exact_numbers_and_priors_of_what_they_estimate()
 
 LINEAR: dict[str, str] = {
     "mass": "expected NAME=",
-    "tractor.mass=": "expected NAME=",
     "tractor.mass=+-": "expected a standard deviation behind",
     "tractor.mass=7 t +- 1 % exact": "keep only one",
-    "roll_stifness=+- 5 %": "no such parameter.*did you mean 'roll_stiffness'",
     "semitrailer.pneumatic_trail=+- 1 cm": "semitrailer.pneumatic_trail has no value in the vehicle file; state one",
     "tractor.mas=+- 5 %": "no such parameter.*did you mean 'tractor.mass'",
     "yaw_inertia=24000 kg m^2": "fits tractor.yaw_inertia, semitrailer.yaw_inertia; give the whole path",
-    "tractor.mass=7 m": "expected kg .* got 'm'; give the value in kg",
     "tractor.mass=7200": "expected a number with a unit.*add its unit",
     "tractor.mass=-7 t": r"tractor\.mass: expected more than 1900 kg, the mass of axles, got -7000 kg; correct",
-    "semitrailer.payload.mass=32 t": r"semitrailer\.mass: expected more than 34250 kg, the mass of payload and ax",
-    "semitrailer.mass=13 t": r"expected more than 13328 kg, the mass of sprung body and axles, got 13000 kg; correct",
     "semitrailer.mass=free": "semitrailer.mass: lateral motion alone does not determine a mass; give its standard dev",
-    "semitrailer.payload.mass=free": r"payload.mass=free: semitrailer\.payload\.mass: lateral motion alone does not",
     "semitrailer.axle_positions=free": r"share; state these with .*, such as semitrailer\.front\.position='\+- 2",
-    "tractor.wheelbase=+- 2 cm": r"one of semitrailer\.wheelbase; or state the positions tractor\.front\.pos",
-    "wheelbase=7.7 m": r"one of semitrailer\.wheelbase; or state the positions tractor\.front\.pos",
-    "semitrailer.wheelbase=7.7 kg": "expected m .* got 'kg'; give the value in m",
     "mass_scale=+- 1 %": r"got the error that tractor\.mass, .* share; .* such as tractor\.mass='\+- 1 %'",
     "tractor.mass=+- -5 %": "0 or more, got .*; give its magnitude",
     "steer.*.gain=+- -5 %": "0 or more, got .*; give its magnitude",
     "tractor.mass=+- 5": "expected a unit.*write '\\+- 5 kg'",
-    "tractor.mass=+- 5 s": "expected kg .* got 's'",
     "fifth_wheel.roll_damping=+- 10 %": "percent of 0 is 0",
     "yaw_rate.tractor.colour=exact": "has no error 'colour'; available: offset",
-    "yaw_rate.trailer.gain=exact": "trailer: no such unit.*did you mean 'semitrailer'",
     "steer.tractor.rear.gain=exact": "no steer angle of cheng.*did you mean 'steer.tractor.front'",
     "roll.tractor.offset=exact": "expected a signal that is compared with the model",
     "yaw_rate.tractor.gain=free": r"is estimated already; give .* '\+- 0.005'",
     "steer.tractor.front.play=-1 deg exact": "expected 0 or more",
-    "steer.*.delay=+- 5 %": "percent of 0 is 0",
-    "steer.*.delay=+- 5 deg": "expected s .* got 'deg'",
-    "steer.*.delay=free": "is estimated already",
     "speed.gain=1 +- 1 %": r"speed has no error 'gain'; .*delay",
-    "road.bank=+- 1 m": "expected rad .* got 'm'",
     "road.bank=1 deg +- 1 deg": "has the mean 0; state only its standard deviation",
     "time_base=0.1 +- 1 %": "has the mean 0; state only its standard deviation",
-    "others=+- 5 %": "expected 'exact' for so many numbers",
-    "*=free": "expected 'exact' for so many numbers",
     "road.friction=wet": 'linear tyres have no friction.*tyres="saturating"',
     "tyre.shape=+- 5 %": "linear tyres have no such parameter",
 }
@@ -387,17 +328,11 @@ def test_what_cannot_be_used_is_refused(text: str, message: str, settings: Commo
     assert text.partition("=")[0].rpartition(".")[2] in str(refused.value), "the message names the key"
 
 
-@pytest.mark.parametrize(
-    "pair",
-    [
-        ("tractor.mass=7 t", "tractor.mass=7.1 t"),
-        ("tractor.mass=exact", "tractor.mass=+- 1 %"),
-        (f"{GAIN}=1 +- 1 %", f"{GAIN}=1 +- 2 %"),
-    ],
-)
-def test_statements_that_disagree_are_refused(pair: tuple[str, str]) -> None:
-    with pytest.raises(FifthwheelError, match=r"expected one statement, got .*; remove one"):
-        stated(*pair)
+def test_statements_that_disagree_are_refused() -> None:
+    pairs = [("tractor.mass=7 t", "tractor.mass=7.1 t"), ("tractor.mass=exact", "tractor.mass=+- 1 %")]
+    for pair in (*pairs, (f"{GAIN}=1 +- 1 %", f"{GAIN}=1 +- 2 %")):
+        with pytest.raises(FifthwheelError, match=r"expected one statement, got .*; remove one"):
+            stated(*pair)
 
 
 def test_a_sensor_that_no_log_has_is_refused() -> None:
@@ -413,41 +348,6 @@ def test_a_sensor_that_no_log_has_is_refused() -> None:
         require_signals(settings, record)
     wheels = {f"wheel_speed.semitrailer.{side}": np.array([20.0, 20.0]) for side in ("left", "right")}
     require_signals(settings, record.with_signals(wheels))
-
-
-@pytest.mark.slow
-def test_identify_uses_what_is_stated(run: Any) -> None:
-    """Values and sigmas of the result, and its settings in the file that it writes."""
-    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
-    path = "semitrailer.roll_axis_height"
-    texts = [f"{path}=exact", f"{GAIN}=1.03 exact", f"{TRAILER}=exact", "steer.*.delay=+- 1 ms"]
-    texts += ["semitrailer.roll_stiffness=2500 kN m/rad +- 1 %", f"{HEIGHT}=1.5 m +- 0.3 m"]
-    outcome = run("identify", log, "-v", truck, "--json", "--tyres=linear", *[f"--set={text}" for text in texts])
-    assert (outcome.code, outcome.err) == (0, "")
-    result = outcome.json()
-    rows, settings = (
-        {row["name"]: row for key in ("parameters", "sensors", "uncertain") for row in result[key]},
-        result["settings"],
-    )
-    assert path not in rows
-    assert abs(rows[GAIN]["value"] - 1.03) < 1e-6
-    assert rows[GAIN]["sigma"] < 1e-6
-    assert (rows[TRAILER]["verdict"], rows[TRAILER]["sigma"]) == ("fixed", None)
-    assert rows["steer.tractor.front.delay"]["sigma"] < 1.001e-3
-    assert settings["given"][GAIN] == "1.03 exact"
-    assert rows["semitrailer.roll_stiffness"]["initial"] == 2.5e6
-    assert rows["semitrailer.roll_stiffness"]["sigma"] < 0.0101 * 2.5e6
-    assert rows[HEIGHT]["prior"] == 0.3
-
-
-def test_identify_and_check_refuse(run: Any) -> None:
-    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
-    for command in ("identify", "check"):
-        outcome = run(command, log, "-v", truck, "--set", "articulation.semitrailer.offset=exact")
-        assert outcome.code == 2
-        assert "articulation.semitrailer.offset: expected a sensor of the logs" in outcome.err
-        outcome = run(command, log, "-v", truck, "--set", "tractor.mas=exact")
-        assert "did you mean 'tractor.mass'" in outcome.err
 
 
 # Nothing that is stated is dropped
@@ -472,43 +372,32 @@ def total_prior(path: str, vehicle: Vehicle, settings: OneStage) -> float:
     return math.hypot(*[u.slopes.get(path, 0.0) * u.prior_sigma for u in unknowns])
 
 
+def stating(vehicle: Vehicle, path: str, sigma: float, how: str, tyres: TyreLaw) -> tuple[Vehicle, OneStage]:
+    """A sigma, or exact at 0, in one of both ways to state it."""
+    text = f"{path}=+- {sigma!r} {unit_of(path).removesuffix('1')}" if sigma else f"{path}=exact"
+    options = IdentifyOptions(tyres=tyres, statements=(text,) if how == "--set" else ())
+    return chosen_one_stage(vehicle.with_stated({path: sigma}) if how == "file" else vehicle, options)
+
+
 @of_test(deadline=None, max_examples=20)
 @given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
-    """Of every number of a vehicle file, in both ways to state it."""
+    """Of every number of a vehicle file, in both ways to state it; an exact one has no prior."""
     vehicle, path = number
     value = vehicle.parameters()[path]
     sigma = 0.013 * abs(value) or 0.013
-    options: dict[str, Any] = {
-        "file": {},
-        "--set": {"statements": (f"{path}=+- {sigma!r} {unit_of(path).removesuffix('1')}",)},
-    }[how]
-    stated = vehicle.with_stated({path: sigma}) if how == "file" else vehicle
-    chosen = IdentifyOptions(tyres=settings.tyres, **options)
-    if value:
-        assert total_prior(path, *chosen_one_stage(stated, chosen)) == pytest.approx(sigma)
-        return
     try:
-        found, message = total_prior(path, *chosen_one_stage(stated, chosen)), ""
+        found, message = total_prior(path, *stating(vehicle, path, sigma, how, settings.tyres)), ""
     except FifthwheelError as error:
-        found, message = sigma, str(error)
+        found, message = math.nan if value else sigma, str(error)
     assert found == pytest.approx(sigma)
     assert not message or path in message
+    exact = stating(vehicle, path, 0.0, how, settings.tyres)
+    assert total_prior(path, *exact) == 0.0
+    assert path not in estimated_parameters(*exact)
 
 
-@of_test(deadline=None, max_examples=20)
-@given(numbers, laws, st.sampled_from(["file", "--set"]))
-def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
-    vehicle, path = number
-    options: dict[str, Any] = {"file": {}, "--set": {"statements": (f"{path}=exact",)}}[how]
-    stated = vehicle.with_stated({path: 0.0}) if how == "file" else vehicle
-    chosen = chosen_one_stage(stated, IdentifyOptions(tyres=settings.tyres, **options))
-    assert total_prior(path, *chosen) == 0.0
-    assert path not in estimated_parameters(*chosen)
-
-
-@pytest.mark.slow
-@of_test(deadline=None, max_examples=15)
+@of_test(deadline=None, max_examples=6)
 @given(numbers, laws)
 def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], settings: OneStage) -> None:
     vehicle, path = number
@@ -541,14 +430,6 @@ def test_what_the_file_states_of_an_estimated_parameter() -> None:
     guess = Vehicle(**known.model_dump() | {"assumed": {HEIGHT: "class", TRAILER: "class"}})
     assert total_prior(TRAILER, guess, OneStage()) == pytest.approx(0.3 * 1.273e6)
     assert total_prior(HEIGHT, guess, OneStage()) == 0.75
-
-
-def test_a_sigma_of_a_positive_number_is_below_its_value() -> None:
-    for text in (f"{TRAILER}=+- 100 %", "roll_damping=+- 150 %"):
-        with pytest.raises(FifthwheelError, match="expected a standard deviation below 100 % of the value"):
-            prior(TRAILER, text)
-    assert prior(TRAILER, "cornering_stiffness=+- 90 %") == pytest.approx((1.273e6, 0.9 * 1.273e6))
-    assert quantity_of(TRAILER).guess == 0.3
 
 
 def test_a_statement_replaces_what_was_stated_before() -> None:

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.apps.studies.monte_carlo import _digest
 from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.data import channels
-from fifthwheel.data.channels.channel import Channel, SensorModel, SignalLimits
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.setup import Setup
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.online import Learner
@@ -79,20 +77,18 @@ def test_the_lag_is_estimated_and_without_it_the_stiffnesses_are_wrong(
     assert own.log_likelihood > without.log_likelihood + 100
 
 
-def test_a_lag_without_sigma_is_exact(record: Record, guess: Vehicle) -> None:
-    result = identify([record], with_lag(guess, f"{LAG} s"), EXACT)
-    assert PATH not in [e.name for e in result.parameters]
-    assert all(abs(error) < 3 for error in errors(result).values())
+def test_the_prior_is_as_stated() -> None:
+    """Normal of a number that may be negative; none without a sigma."""
 
+    def unknowns(truck: Vehicle) -> dict[str, Unknown]:
+        return {u.name: u for u in Setup.of(truck, GYROS, EXACT).unknowns}
 
-def test_the_prior_of_a_number_that_may_be_negative_is_normal() -> None:
-    def unknown(text: str):
-        truck = TRUCK.with_steering(roll_steer, parameters={"coefficient": text})
-        return next(u for u in Setup.of(truck, GYROS, EXACT).unknowns if u.name == "steering.coefficient")
-
-    assert not unknown("0 +- 0.1").logarithmic
-    assert (unknown("-0.05 +- 0.1").centre, unknown("-0.05 +- 0.1").scale) == (-0.05, 0.1)
-    assert unknown("0.05 +- 0.01").logarithmic
+    for text, logarithmic, centre, scale in (("0 +- 0.1", False, 0.0, 0.1), ("-0.05 +- 0.1", False, -0.05, 0.1)):
+        u = unknowns(TRUCK.with_steering(roll_steer, parameters={"coefficient": text}))["steering.coefficient"]
+        assert (u.logarithmic, u.centre, u.scale) == (logarithmic, centre, scale)
+    truck = TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.05 +- 0.01"})
+    assert unknowns(truck)["steering.coefficient"].logarithmic
+    assert PATH not in unknowns(with_lag(TRUCK, f"{LAG} s"))
 
 
 def test_a_saved_result_has_the_equations(own: Identification, record: Record, tmp_path: Path) -> None:
@@ -100,21 +96,16 @@ def test_a_saved_result_has_the_equations(own: Identification, record: Record, t
     assert Identification.load(tmp_path) == own
     assert Vehicle.load(tmp_path / "vehicle.toml") == own.vehicle
     assert pickle.loads(pickle.dumps(own)) == own
-    file = tmp_path / "identification.json"
-    text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace('"actuator_lag:actuator"', '"elsewhere:actuator"'), encoding="utf-8")
-    with pytest.raises(
-        SignalError, match=r"json: equations: expected .* elsewhere:actuator, .* import elsewhere first"
-    ):
-        Identification.load(tmp_path)
-
-
-def test_the_report_shows_the_lag(own: Identification, record: Record, tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", own, [record], [own.observer().batch(record)], title="lag")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Steering, lag" in text
     assert "Model: yaw and roll, own steering actuator_lag:actuator." in text
     assert "yaw and roll, own steering actuator_lag:actuator" in own.summary()
+    file = tmp_path / "identification.json"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('"actuator_lag:actuator"', '"elsewhere:actuator"'), encoding="utf-8")
+    with pytest.raises(SignalError, match=r"json: equations: expected .* elsewhere:actuator, .* import elsewhere"):
+        Identification.load(tmp_path)
 
 
 def test_an_observer_gives_the_own_state_with_sigma(own: Identification, record: Record) -> None:
@@ -146,39 +137,6 @@ def test_an_observer_gives_the_own_state_with_sigma(own: Identification, record:
     assert np.abs(observer.smooth(record).values[STATE] - angle)[known].max() < 0.02 * np.abs(angle).max()
 
 
-@pytest.fixture
-def sensor():
-    """A sensor of the actuator, for one test."""
-    with_lag(TRUCK, "0.1 s")
-    lists = channels.MEASURED, channels.IDENTIFIED, channels.MODELLED
-    before = [list(listed) for listed in lists]
-    channels.register(
-        Channel(
-            quantity="actuator",
-            unit="rad",
-            limit=SignalLimits(magnitude=0.5, jump=0.1),
-            noise=(1e-8, 1e-8),
-            model=SensorModel(value=lambda now, i, name: now.own_state(name)),
-        )
-    )
-    yield
-    for listed, former in zip(lists, before, strict=True):
-        listed[:] = former
-    del channels.CHANNELS["actuator"]
-
-
-def test_an_own_state_can_be_measured(sensor: None, record: Record, guess: Vehicle, own: Identification) -> None:
-    (angle,) = free_response(
-        dynamics.model(TRUE, [STATE], roll=True), dynamics.all_parameters(TRUE, [STATE]), record.time, record.signals
-    )[1].T
-    noise = np.random.default_rng(1).normal(0, 1e-4, len(record))
-    measured = replace(record, signals=dict(record.signals) | {STATE: angle + noise})
-    result = identify([measured], with_lag(guess, "0.1 s +- 0.05 s"), EXACT)
-    assert STATE in result.signals
-    assert abs(result[PATH].value - LAG) < 3 * result[PATH].sigma < 0.5 * own[PATH].sigma
-    assert STATE in Observer(TRUE, measured.signals).outputs
-
-
 def test_a_learner_has_the_own_equations(record: Record) -> None:
     learner = Learner(with_lag(TRUCK, "0.1 s +- 0.05 s"), record.signals, replace(EXACT, given={"others": "exact"}))
     for k, time in enumerate(record.time):
@@ -188,7 +146,7 @@ def test_a_learner_has_the_own_equations(record: Record) -> None:
     assert STATE in learner.reported
 
 
-def test_roll_steer_needs_a_model_with_roll() -> None:
+def test_what_cannot_use_the_equations_refuses_them(record: Record) -> None:
     truck = TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
     signals = ("speed", *truck.steer_signals(), "yaw_rate.tractor")
     assert not Observer(TRUCK, signals).roll
@@ -198,9 +156,6 @@ def test_roll_steer_needs_a_model_with_roll() -> None:
     for use in (lambda: simulate(truck, roll=False), lambda: linear_system(truck, 20.0, roll=False)):
         with pytest.raises(VehicleError, match="steering: its equations use roll; use roll=True"):
             use()
-
-
-def test_what_has_no_own_equations_refuses_them(record: Record) -> None:
     for place, use in {
         "the nonlinear truck": lambda: Plant(vehicle=TRUE, properties=Properties()),
         "assess": lambda: assess(TRUE),
@@ -208,9 +163,3 @@ def test_what_has_no_own_equations_refuses_them(record: Record) -> None:
     }.items():
         with pytest.raises(VehicleError, match=f"steering: {place} cannot model own equations"):
             use()
-
-
-def test_a_study_runs_again_when_the_equations_change() -> None:
-    trucks = (TRUCK, TRUE, with_lag(TRUCK, "0.2 s"), TRUCK.with_steering(roll_steer, parameters={"coefficient": "1"}))
-    assert len({_digest(truck) for truck in trucks}) == len(trucks)
-    assert _digest(TRUE) == _digest(with_lag(TRUCK, f"{LAG} s"))

@@ -6,15 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
-import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.online import Learner
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import Vehicle, get
@@ -83,31 +80,14 @@ def test_the_built_in_law_in_other_words_gives_the_same(record: Record, guess: V
     assert own.log_likelihood == pytest.approx(built_in.log_likelihood, rel=1e-9)
 
 
-@pytest.mark.usefixtures("without_shape")
-def test_states_of_the_same_law_are_the_same(record: Record) -> None:
-    settings = ObserverSettings(friction=0.44, roll=False)
-    plain = Observer(TRUCK, record.signals, settings).batch(record)
-    observer = Observer(TRUCK, record.signals, replace(settings, tyres=same_law))
-    own = observer.batch(record)
-    for name, values in plain.values.items():
-        np.testing.assert_allclose(own.values[name], values, rtol=0, atol=1e-9 * np.abs(values).max())
-    with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
-        Observer(TRUCK, record.signals, settings).resume(observer.save())
-
-
-def test_states_have_the_law_of_the_identification(own: Identification, record: Record) -> None:
-    assert own.observer_settings().tyres is magic_formula
-    assert own.observer(log=record.name).settings.tyres is magic_formula
-    unseen = log_sensors(own, replace(record, name="unseen"), own.vehicle)
-    assert "estimated from the log itself" in unseen.note
-    assert unseen.settings["tyres"] is magic_formula
-    with pytest.raises(SignalError, match="tyres: expected the friction of the road, got none"):
-        own.observer_settings(friction=None)
-
-
-def test_a_saved_result_names_its_law(
+def test_states_and_files_have_the_law_of_the_identification(
     own: Identification, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert own.observer_settings().tyres is magic_formula
+    assert own.observer(log=record.name).settings.tyres is magic_formula
+    with pytest.raises(SignalError, match="tyres: expected the friction of the road, got none"):
+        own.observer_settings(friction=None)
+    assert pickle.loads(pickle.dumps(own)).settings == own.settings
     own.save(tmp_path)
     loaded = Identification.load(tmp_path)
     assert loaded.settings.tyres is magic_formula
@@ -117,11 +97,6 @@ def test_a_saved_result_names_its_law(
     monkeypatch.delitem(sys.modules, "tyre_laws")
     with pytest.raises(SignalError, match=r"identification.json: tyres: expected the function tyre_laws:magic_formula"):
         Identification.load(tmp_path)
-
-
-def test_other_processes_find_the_law(own: Identification) -> None:
-    assert pickle.loads(pickle.dumps(EXACT)).tyres is magic_formula
-    assert pickle.loads(pickle.dumps(own)).settings == own.settings
 
 
 def test_a_learner_learns_and_is_loaded_with_the_law(

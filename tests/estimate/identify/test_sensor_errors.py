@@ -17,11 +17,6 @@ TRUCK = get("cheng_cebon_2011")
 STEER, RATE = "steer.tractor.front", "yaw_rate.tractor"
 
 
-@pytest.fixture(scope="module")
-def identified():
-    return identify([simulate(TRUCK, count=2, seed=1)], TRUCK, OneStage(tyres="linear"))
-
-
 def shifted(steer, rate):
     record = simulate(TRUCK, count=2, seed=2)
     record = Record(time=record.time, signals=record.signals, reference=record.reference, name="new")
@@ -29,7 +24,9 @@ def shifted(steer, rate):
 
 
 @pytest.mark.slow
-def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
+def test_offsets_of_a_new_log_and_the_sigma_of_its_states():
+    """Also without the uncertainty of the vehicle; a log that cannot be used is refused."""
+    identified = identify([simulate(TRUCK, count=2, seed=1)], TRUCK, OneStage(tyres="linear"))
     record = shifted(0.004, -0.003)
     settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, identified)
     errors = {name: uncertainty.covariance[i, i] ** 0.5 for i, name in enumerate(uncertainty.names)}
@@ -47,17 +44,9 @@ def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
     late = record.time > 2
     assert np.median(states.sigma[name][late]) < 0.5 * np.median(with_old_errors.sigma[name][late])
     assert np.mean(np.abs(error[late]) < 2 * states.sigma[name][late]) > 0.9
-
-
-@pytest.mark.slow
-def test_without_the_uncertainty_of_the_vehicle(identified):
-    unknown = replace(identified, covariance=None)
-    settings, uncertainty = estimate_sensor_errors(shifted(0.004, 0.0), identified.vehicle, unknown)
+    certain = replace(identified, covariance=None)
+    settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, certain)
     assert settings["sensor_errors"][f"{STEER}.offset"] == pytest.approx(0.004, abs=0.002)
     assert uncertainty is None
-
-
-def test_a_log_that_cannot_be_used(identified):
-    record = simulate(TRUCK, count=1, seed=3)
     with pytest.raises(SignalError):
         estimate_sensor_errors(record.with_signals({"speed": 0 * record.time + 1.0}), identified.vehicle, identified)

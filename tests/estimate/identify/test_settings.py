@@ -7,9 +7,8 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.identify import CommonSettings, OneStage, identify
+from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.simulate import simulate
@@ -24,10 +23,13 @@ from fifthwheel.truck import get
         (TwoStage, {"Q_p": {"yaw_inertia": -1.0}}, "yaw_inertia: expected a finite variance of 0 or more, got -1"),
         (TwoStage, {"Q_p": {"yaw_inertia": "400"}}, "yaw_inertia=400: expected '[+]- SIGMA'"),
         (TwoStage, {"P_p": {"yaw_inertia": None}}, r"yaw_inertia, float: .* give a variance in SI, such as 475\*\*2"),
-        (TwoStage, {"forgetting": 0.0}, "forgetting: expected a number above 0 and at most 1, got 0"),
         (TwoStage, {"R": {"yaw_rate.tractor": 0.0}}, "yaw_rate.tractor: expected a finite number above 0, got 0"),
-        (OneStage, {"tolerance": float("nan")}, "tolerance: expected a number above 0, got nan"),
-        (OneStage, {"iterations": 0}, "iterations: expected a number of 1 or more, got 0"),
+        (TwoStage, {"R": {"yaw_rat.tractor": 1e-4}}, "R, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
+        (
+            OneStage,
+            {"tolerance": math.nan, "iterations": 0},
+            r"(?s)tolerance: .* got nan.*\niterations: .* 1 or more, got",
+        ),
         (
             OneStage,
             {"given": {"mass": "+-"}},
@@ -36,9 +38,15 @@ from fifthwheel.truck import get
         (OneStage, {"given": {"mass": None}}, "mass, float: expected a number, got None; give a number in SI"),
         (OneStage, {"given": {"": "exact"}}, "=exact: expected a name and 'VALUE"),
         (OneStage, {"given": {"sensors": "+- 1 %"}}, "expected 'exact' for so many numbers, got '.*'; name fewer"),
+        (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
+        (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 'round'"),
+        (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
+        (ObserverSettings, {"noise": {"speed.tractor": 1e-4}}, "noise, speed.tractor: .* belongs to the whole vehicle"),
+        (ObserverSettings, {"sensor_errors": {"steer.tractor.front.ofset": 0.1}}, "not the name of a sensor error"),
+        (ObserverSettings, {"positions": {"sidelip.semitrailer": -2.0}}, "did you mean 'sideslip.semitrailer'"),
     ],
 )
-def test_refused(kind: type[CommonSettings], changes: dict[str, object], message: str) -> None:
+def test_refused(kind: type, changes: dict[str, object], message: str) -> None:
     with pytest.raises(SignalError, match=message):
         kind(**changes)
 
@@ -52,24 +60,17 @@ LEARNER = (
 POSITIVE = {OneStage: f"{BOTH} outlier", TwoStage: BOTH, LearnerSettings: LEARNER}
 
 
-@pytest.mark.parametrize(
-    ("method", "name"), [(method, name) for method, names in POSITIVE.items() for name in names.split()]
-)
-def test_numbers_that_must_be_above_zero(method: type, name: str) -> None:
-    assert getattr(method(**{name: 1e-9}), name) == 1e-9
-    for wrong in (0, -1e-9, math.nan):
-        with pytest.raises(SignalError, match=f"^{name}: expected"):
-            method(**{name: wrong})
-
-
-@pytest.mark.parametrize("name", ["settling_time", "max_steer_dropout", "hold"])
-def test_times_of_a_learner_may_be_zero(name: str) -> None:
-    assert getattr(LearnerSettings(**{name: 0.0}), name) == 0.0
-    with pytest.raises(SignalError, match=f"^{name}: expected a number of 0 or more"):
-        LearnerSettings(**{name: -1e-9})
-
-
-def test_limits_of_other_settings() -> None:
+def test_limits() -> None:
+    for method, names in POSITIVE.items():
+        for name in names.split():
+            assert getattr(method(**{name: 1e-9}), name) == 1e-9
+            for wrong in (0, -1e-9, math.nan):
+                with pytest.raises(SignalError, match=f"^{name}: expected"):
+                    method(**{name: wrong})
+    for name in ("settling_time", "max_steer_dropout", "hold"):
+        assert getattr(LearnerSettings(**{name: 0.0}), name) == 0.0
+        with pytest.raises(SignalError, match=f"^{name}: expected a number of 0 or more"):
+            LearnerSettings(**{name: -1e-9})
     for method, settings, allowed in (
         (TwoStage, {"forgetting": 1.0}, True),
         (TwoStage, {"forgetting": 1.0 + 1e-9}, False),
@@ -78,8 +79,6 @@ def test_limits_of_other_settings() -> None:
         (OneStage, {"noise": {"yaw_rate.tractor": 0.0}}, False),
         (OneStage, {"noise": {"yaw_rate.tractor": math.inf}}, False),
         (OneStage, {"given": {"a": 1e-9}}, True),
-        (OneStage, {"given": {"a": "+- 5 %"}}, True),
-        (OneStage, {"given": {"a": "+-"}}, False),
         (LearnerSettings, {"discrepancy": {"a": 0.0}}, True),
         (LearnerSettings, {"discrepancy": {"a": -1e-9}}, False),
         (LearnerSettings, {"discrepancy": {"a": math.inf}}, False),
@@ -108,46 +107,14 @@ def test_the_settings_of_the_article() -> None:
     assert article(rounds=3) == replace(settings, rounds=3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "changes", "message"),
-    [
-        (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
-        (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 'round'"),
-        (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
-        (TwoStage, {"R": {"yaw_rat.tractor": 1e-4}}, "R, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
-        (ObserverSettings, {"noise": {"speed.tractor": 1e-4}}, "noise, speed.tractor: .* belongs to the whole vehicle"),
-        (ObserverSettings, {"sensor_errors": {"steer.tractor.front.ofset": 0.1}}, "not the name of a sensor error"),
-        (ObserverSettings, {"positions": {"sidelip.semitrailer": -2.0}}, "did you mean 'sideslip.semitrailer'"),
-    ],
-)
-def test_a_wrong_choice_type_or_name_is_refused(kind: type, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(SignalError, match=message):
-        kind(**changes)
-
-
-def test_every_refused_setting_has_a_line() -> None:
-    with pytest.raises(SignalError, match=r"(?s)tolerance: expected.*\niterations: expected"):
-        OneStage(tolerance=-1.0, iterations=0)
-
-
-def test_the_most_specific_statement_counts() -> None:
-    given = {"yaw_inertia": "exact", "tractor.yaw_inertia": "free", "cornering_stiffness": "exact"}
-    given |= {"*.drive.cornering_stiffness": "+- 5 %", "semitrailer.*": "exact", "payload.height": "free"}
-    estimated = estimated_parameters(get("cheng_cebon_2011"), OneStage(given=given, tyres="linear"))
-    assert set(estimated) == {"tractor.drive.cornering_stiffness", "tractor.yaw_inertia", "semitrailer.payload.height"}
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+def test_impossible_numbers_are_refused() -> None:
+    for given, message in (
         ({"semitrailer.mass": "+- -5 %"}, "expected a finite standard deviation, 0 or more"),
         ({"semitrailer.mass": math.inf}, "semitrailer.mass: expected a finite number, got inf"),
         ({"steer.*.gain": "+- -5 %"}, "expected a finite standard deviation, 0 or more"),
-    ],
-)
-def test_impossible_numbers_are_refused(given: dict[str, str | float], message: str) -> None:
-    with pytest.raises(FifthwheelError, match=message):
-        applied(get("cheng_cebon_2011"), OneStage(given=given))
+    ):
+        with pytest.raises(FifthwheelError, match=message):
+            applied(get("cheng_cebon_2011"), OneStage(given=given))
 
 
 def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:

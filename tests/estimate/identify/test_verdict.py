@@ -45,47 +45,38 @@ def test_uninformed(
     assert uninformed_parameters(posterior, remaining, without, LIMIT) == expected
 
 
-@pytest.mark.parametrize(
-    ("value", "converged", "expected"),
-    [
-        (1.0, True, Verdict.CONVERGED),
-        (1.0, False, Verdict.NOT_CONVERGED),
-        (0.509, True, Verdict.AT_BOUND),
-        (1.991, False, Verdict.AT_BOUND),
-        (0.511, True, Verdict.CONVERGED),
-    ],
-)
-def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> None:
-    """At a bound means closer than a tenth of sigma, converged or not."""
-    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, reported=True)
-    assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected
-
-
 def test_the_first_verdict_that_applies() -> None:
-    """Without other statements an estimate has converged, is not doubtful and needs no excitation."""
+    """At a bound means closer than a tenth of sigma, converged or not. Without other statements an estimate has
+    converged, is not doubtful and needs no excitation."""
     unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, reported=True)
-    assert estimate_verdict(unknown, 1.0, 0.1) is Verdict.CONVERGED
-    assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True) is Verdict.DOUBTFUL
-    assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True, converged=False) is Verdict.NOT_CONVERGED
-    assert estimate_verdict(unknown, 0.5, 0.1, doubtful=True, converged=False) is Verdict.AT_BOUND
-    assert estimate_verdict(unknown, 0.5, 0.1, excited=0.1) is Verdict.NOT_EXCITED
-    assert estimate_verdict(unknown, 1.0, 0.1, excited=0.101) is Verdict.CONVERGED
-    assert estimate_verdict(unknown, 1.0, math.nan, excited=0.1) is Verdict.NOT_EXCITED
+    for value, sigma, statements, expected in (
+        (1.0, 0.1, {}, Verdict.CONVERGED),
+        (1.0, 0.1, {"converged": False}, Verdict.NOT_CONVERGED),
+        (0.509, 0.1, {}, Verdict.AT_BOUND),
+        (1.991, 0.1, {"converged": False}, Verdict.AT_BOUND),
+        (0.511, 0.1, {}, Verdict.CONVERGED),
+        (1.0, 0.1, {"doubtful": True}, Verdict.DOUBTFUL),
+        (1.0, 0.1, {"doubtful": True, "converged": False}, Verdict.NOT_CONVERGED),
+        (0.5, 0.1, {"doubtful": True, "converged": False}, Verdict.AT_BOUND),
+        (0.5, 0.1, {"excited": 0.1}, Verdict.NOT_EXCITED),
+        (1.0, 0.1, {"excited": 0.101}, Verdict.CONVERGED),
+        (1.0, math.nan, {"excited": 0.1}, Verdict.NOT_EXCITED),
+    ):
+        assert estimate_verdict(unknown, value, sigma, **statements) is expected, (value, statements)
+    for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
+        assert uncertain_verdict(sigma, 0.6) is verdict
 
 
-@pytest.mark.parametrize(
-    ("remaining", "information", "expected"),
-    [
+def test_limits_of_the_information() -> None:
+    """What remains at the limit is uninformed; with a conditional sigma of half the prior, here at 3, not excited."""
+    for remaining, information, expected in (
         (0.699, 3.0, {}),
         (0.7, 3.0, {"a": Verdict.NOT_EXCITED}),
         (math.nan, 3.0, {"a": Verdict.NOT_EXCITED}),
         (0.7, 3.01, {"a": Verdict.NOT_IDENTIFIABLE}),
-    ],
-)
-def test_limits_of_the_information(remaining: float, information: float, expected: dict[str, Verdict]) -> None:
-    """What remains at the limit is uninformed; with a conditional sigma of half the prior, here at 3, not excited."""
-    posterior = ScaledPosterior.from_information(("a",), np.array([[information]]))
-    assert uninformed_parameters(posterior, {"a": remaining}, (), LIMIT) == expected
+    ):
+        posterior = ScaledPosterior.from_information(("a",), np.array([[information]]))
+        assert uninformed_parameters(posterior, {"a": remaining}, (), LIMIT) == expected
 
 
 @pytest.mark.parametrize(
@@ -99,9 +90,3 @@ def test_what_remains_of_a_prior(logarithmic: bool, value: float, remaining: flo
     assert unknown.sigma(value, 0.4) / unknown.prior_sigma <= remaining * (1 + 1e-9)
     for excited, verdict in ((1.01 * remaining, Verdict.CONVERGED), (0.99 * remaining, Verdict.NOT_EXCITED)):
         assert estimate_verdict(unknown, value, 0.4, excited=excited) is verdict
-
-
-def test_of_an_uncertain_parameter() -> None:
-    """Below the limit it is informed."""
-    for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
-        assert uncertain_verdict(sigma, 0.6) is verdict

@@ -1,6 +1,5 @@
 """The information of single logs, against the identification of all logs together."""
 
-import datetime
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind, describe_doubt
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.knowledge.information import Labels
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.problem import Problem
@@ -20,7 +18,6 @@ from fifthwheel.estimate.identify.one_stage.shared_information import (
 )
 from fifthwheel.estimate.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.estimate.identify.setup import Setup
-from fifthwheel.truck.quantities import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
@@ -64,27 +61,6 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
     np.testing.assert_allclose(P, expected[np.ix_(places, places)], atol=1e-8)
     step = z - expected @ (linearisation.gradient + z)  # the search ends when this step is small
     np.testing.assert_allclose(P @ (first.vector + second.vector), step[places], atol=1e-7)
-
-
-@pytest.mark.slow
-def test_single_logs_combine_to_the_identification_of_all() -> None:
-    """Without drift, value and sigma of every parameter are those of the identification of both logs. Each log is
-    linearised at its own estimate, with a road of its own, which explains the rest of the difference, 0.16 sigma where
-    all searches are exact: the sums are exact (test above), and the two logs alone differ by half a sigma."""
-    records = [record(0, count=4), record(1, count=4)]
-    settings = fw.OneStage(tyres="linear", given={"softening": "exact"})  # it is quadratic in slip
-    together = fw.identify(records, GUESS, settings)
-    logs = []
-    for k, one in enumerate(records):
-        date = datetime.datetime(2026, 1, 1 + k, tzinfo=datetime.UTC)
-        logs += fw.identify([one], GUESS, settings, occasion=fw.Occasion(date=date)).knowledge.logs
-    combined = combine(logs, tyre_walk=0.0, false_alarm=1e-3)
-    found = {unknown.name: combined.estimate(1, unknown) for unknown in combined.parameters(1)}
-    assert set(found) == {expected.name for expected in together.parameters} - {FRICTION}
-    for name in found:
-        expected, (value, sigma) = together[name], found[name]
-        assert abs(value - expected.value) < 0.2 * expected.sigma
-        assert sigma == pytest.approx(expected.sigma, rel=0.05)
 
 
 def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:

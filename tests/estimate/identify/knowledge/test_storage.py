@@ -2,14 +2,12 @@
 
 import copy
 import json
-import random
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.estimate.identify.knowledge.history import history, shared_estimates
 from fifthwheel.estimate.identify.knowledge.storage import FILE
 
 
@@ -68,19 +66,14 @@ def huge(content):
     [
         (lambda content: content.pop("logs"), "a valid tuple"),
         (lambda content: content["logs"][0].pop("tractor"), "0.tractor: Field required"),
-        (lambda content: content.update(logs={}), "a valid tuple"),
         (lambda content: content.update(logs=["x"]), "not what"),
         (set_log("name", 3), "0.name: Input should be a valid string"),
-        (set_log("estimated", "abc"), "0.estimated: Input should be a valid tuple"),
         (set_log("date", "2026-01-01"), "time zone"),
         (set_log("date", "9999-12-31T23:59:59-14:00"), "time zone"),
-        (set_log("date", 5), "expected a text"),
         (set_log("masses", {"semitrailer.mass": "heavy"}), "semitrailer.mass: Input should be a valid number"),
         (set_information("information", [1.0]), "a matrix of 1 rows"),
         (set_information("information", [1.0, 1.0]), "a symmetric matrix of 2 numbers"),
-        (set_information("information", {}), "valid list"),
         (set_information("vector", [1.0]), "columns of other lengths"),
-        (set_information("origins", []), "columns of other lengths"),
         (set_unknown("scale", 0), "positive scale"),
         (set_unknown("centre", -1.0), "positive scale or median"),
         (set_unknown("centre", 1e200), "less than or equal to 10{40}"),
@@ -97,62 +90,20 @@ def test_impossible_content_is_refused_with_the_reason(changed, change, reason):
     assert "knowledge.json" in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
+def test_other_files_are_refused(tmp_path):
+    head = '{"format": "fifthwheel knowledge 1", '
+    for text, reason in (
         ("", "not a JSON file"),
         ("[]", "not a file of the knowledge of a truck"),
         ('{"format": "fifthwheel knowledge 99"}', "another version"),
-        ('{"format": "fifthwheel knowledge 1", "digest": "", "content": {"logs": [NaN]}}', "damaged"),
-        ('{"format": "fifthwheel knowledge 1", "content": {"logs": [NaN]}}', "damaged"),
-        ('{"format": "fifthwheel knowledge 1", "digest": "0", "content": {"logs": []}}', "damaged"),
-    ],
-)
-def test_other_files_are_refused(tmp_path, text, reason):
-    (tmp_path / "knowledge.json").write_text(text)
-    with pytest.raises(fw.SignalError, match=reason):
-        fw.Knowledge.load(tmp_path)
-
-
-def test_a_result_without_knowledge_names_the_cure(tmp_path):
+        (head + '"digest": "", "content": {"logs": [NaN]}}', "damaged"),
+        (head + '"content": {"logs": [NaN]}}', "damaged"),
+        (head + '"digest": "0", "content": {"logs": []}}', "damaged"),
+    ):
+        (tmp_path / "knowledge.json").write_text(text)
+        with pytest.raises(fw.SignalError, match=reason):
+            fw.Knowledge.load(tmp_path)
+    (tmp_path / "knowledge.json").unlink()
     (tmp_path / "identification.json").write_text("{}")
     with pytest.raises(fw.SignalError, match=r"has no knowledge, .*; identify its logs again in one stage"):
         fw.Knowledge.load(tmp_path)
-
-
-VALUES = [None, True, -1, 0, 1e39, -1e39, 1e-39, 1e300, "", "x", "yaw_rate", "a.b.gain", [], {}, [[]], 2**62]
-
-
-def mutate(content, generator):
-    """Replace, remove or repeat one value at a random place."""
-    place = content
-    while True:
-        if not place:
-            return
-        key = generator.choice(list(place) if isinstance(place, dict) else range(len(place)))
-        inner = place[key]
-        if isinstance(inner, dict | list) and inner and generator.random() < 0.85:
-            place = inner
-            continue
-        action = generator.random()
-        if action < 0.15:
-            del place[key]
-        elif action < 0.3 and isinstance(place, list):
-            place.append(copy.deepcopy(inner))
-        else:
-            place[key] = copy.deepcopy(generator.choice(VALUES))
-        return
-
-
-@pytest.mark.slow
-def test_random_changes_give_a_result_or_an_error_of_this_family(changed):
-    generator, refused = random.Random(1), 0
-    for _ in range(150):
-        try:
-            knowledge = changed(lambda content: [mutate(content, generator) for _ in range(generator.choice((1, 3)))])
-            with np.errstate(all="ignore"):
-                assert all(isinstance(e.value, float) for e in shared_estimates(knowledge))
-                history(knowledge)
-        except fw.FifthwheelError:
-            refused += 1
-    assert refused > 50

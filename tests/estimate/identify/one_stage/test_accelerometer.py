@@ -8,7 +8,6 @@ import pytest
 from fifthwheel.data.channels import LATERAL_ACCELERATION
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
-from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose.cautions import identification_cautions
@@ -41,18 +40,8 @@ def log(truck: Vehicle) -> Record:
 
 
 @pytest.fixture(scope="module")
-def gyros_only(log: Record) -> Record:
-    return replace(log, signals={name: values for name, values in log.signals.items() if name != NAME})
-
-
-@pytest.fixture(scope="module")
 def result(log: Record, guess: Vehicle) -> Identification:
     return identify([log], guess, EXACT)
-
-
-@pytest.fixture(scope="module")
-def without(gyros_only: Record, guess: Vehicle) -> Identification:
-    return identify([gyros_only], guess, EXACT)
 
 
 def test_it_recovers_parameters_and_sensor_errors(result: Identification, truck: Vehicle) -> None:
@@ -71,56 +60,13 @@ def test_it_recovers_parameters_and_sensor_errors(result: Identification, truck:
     assert errors["gain"].log is None
 
 
-def test_it_adds_information(result: Identification, without: Identification) -> None:
+def test_it_adds_information(result: Identification, log: Record, guess: Vehicle) -> None:
+    gyros = replace(log, signals={name: values for name, values in log.signals.items() if name != NAME})
+    without = identify([gyros], guess, EXACT)
     ratio = {e.name: e.sigma / without[e.name].sigma for e in result.parameters}
     assert all(value < 1.02 for value in ratio.values())
     assert ratio["tractor.front.cornering_stiffness"] < 0.85
     assert min(fit.explained for fit in result.fits if fit.signal == NAME) > 0.98
-
-
-def test_check_counts_its_information(
-    log: Record, gyros_only: Record, truck: Vehicle, result: Identification, without: Identification
-) -> None:
-    front, ratios = "tractor.front.cornering_stiffness", []
-    predictions = [predict_sigmas([record], truck, EXACT) for record in (log, gyros_only)]
-    for predicted, fitted in zip(predictions, (result, without), strict=True):
-        ratios.append(predicted[front].sigma / fitted[front].sigma)
-    assert ratios == pytest.approx([1.0, 1.0], rel=0.1)
-    assert predictions[0][front].sigma < 0.85 * predictions[1][front].sigma
-    assert [NAME in predicted.noise["simulated"] for predicted in predictions] == [True, False]
-
-
-def test_a_place_without_its_signal_changes_nothing(
-    gyros_only: Record, without: Identification, guess: Vehicle
-) -> None:
-    """A log without the signal has the same estimates to the last bit, whatever the vehicle file says of the place."""
-    other = identify([gyros_only], placed(guess, -2.0, 1.0), EXACT)
-    assert [(e.value, e.sigma) for e in without.parameters] == [(e.value, e.sigma) for e in other.parameters]
-    assert without.sensors == other.sensors
-
-
-def test_an_exact_place_is_not_estimated(log: Record, guess: Vehicle) -> None:
-    there = placed(guess, TRUE_ERRORS["position"], TRUE_ERRORS["height"])
-    stated = {"tractor.accelerometer.position": 0.0, "tractor.accelerometer.height": 0.1}
-    settings = OneStage(tyres="linear", given={"steer.*.gain": "+- 5 %"})
-    result = identify([log], there.with_stated(stated), settings)
-    height = next(e for e in result.sensors if e.name == f"{NAME}.height")
-    assert f"{NAME}.position" not in [e.name for e in result.sensors]
-    assert height.sigma < 0.1
-    assert abs(height.value - TRUE_ERRORS["height"]) < 3 * height.sigma
-
-
-def test_a_time_base_of_its_own(log: Record, guess: Vehicle) -> None:
-    """The delay of the time base and that of the sensor add up."""
-    late = replace(log, time_bases={NAME: "logger 2"})
-    settings = replace(EXACT, given={**EXACT.given, f"{NAME}.delay": "+- 1 ms"})
-    result = identify([late], guess, settings)
-    delay = next(e for e in result.sensors if e.name == "time_base.logger 2.delay")
-    assert abs(delay.value - TRUE_ERRORS["delay"]) < 3 * np.hypot(delay.sigma, 0.001)
-    assert delay.sigma < 0.01
-
-
-def test_states_use_the_estimated_errors(result: Identification, log: Record) -> None:
     settings = result.observer_settings("simulated")
     assert settings.sensor_errors[f"{NAME}.position"] == pytest.approx(TRUE_ERRORS["position"], abs=0.2)
     assert f"{NAME}.position" in result.uncertainty("simulated").names

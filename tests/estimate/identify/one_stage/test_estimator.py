@@ -1,6 +1,5 @@
 """One stage on the linear vehicle: errors against the Cramér-Rao bound, sigmas, verdicts, faults."""
 
-import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,20 +9,15 @@ import pytest
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
-from fifthwheel.data.channels import STEER as STEER_ANGLE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage import estimator
-from fifthwheel.estimate.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
+from fifthwheel.estimate.identify.one_stage.estimator import EARLY, FINAL, WHITE, solve_one_stage
 from fifthwheel.estimate.identify.one_stage.problem import Problem
-from fifthwheel.estimate.identify.one_stage.solution import Solution
-from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.estimate.observe import Observer
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
@@ -70,13 +64,10 @@ def right(truck: Vehicle) -> Identification:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factors", [(1.4, 1.4, 1.4, 1.4), (1.4, 0.6, 1.4, 0.6), (0.6, 0.6, 1.4, 0.6)], ids=str)
-def test_one_lane_change_from_wrong_initial_values(
-    truck: Vehicle, right: Identification, factors: tuple[float, ...]
-) -> None:
-    """One of the initial vehicles is unstable at the speed of the log."""
+def test_one_lane_change_from_wrong_initial_values(truck: Vehicle, right: Identification) -> None:
+    """The initial vehicle is unstable at the speed of the log."""
     record = simulate(truck, count=1, seed=1)
-    result = identify([record], guesses(truck, factors), KNOWN)
+    result = identify([record], guesses(truck, (1.4, 0.6, 1.4, 0.6)), KNOWN)
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
     for name, error in errors(result, truck).items():
         if name in BOUND:
@@ -97,24 +88,9 @@ def test_sigma_is_close_to_the_bound(truck: Vehicle, guess: Vehicle) -> None:
 
 
 @pytest.mark.slow
-def test_one_lane_change_reaches_the_bound(truck: Vehicle) -> None:
-    """The rms error is within sampling error of 1.1 times the bound; 90 % intervals contain the truth in 90 %."""
-    truth, ratios = truck.parameters(), []
-    for seed in range(40):
-        factors = tuple(np.random.default_rng([seed, 7]).choice([0.8, 1.2], 4))
-        result = identify([simulate(truck, count=1, seed=seed)], guesses(truck, factors), KNOWN)
-        ratios.append([(e.value / truth[e.name] - 1, e.sigma / truth[e.name]) for e in result.parameters])
-    error, sigma = np.moveaxis(np.array(ratios), -1, 0)
-    rms = np.sqrt(np.mean(error**2, axis=0)) / np.array(list(BOUND.values()))
-    covered = np.mean(np.abs(error) < 1.645 * sigma, axis=0)
-    assert (rms < 1.1 * 1.16).all(), rms  # 1.4 standard deviations: an rms of 40 draws has one of 11 %
-    assert (np.abs(covered - 0.9) < 2.7 * 0.047).all(), covered  # 40 draws have a standard deviation of 4.7 %
-
-
-@pytest.mark.slow
 def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle) -> None:
     """Gain, offset and delay of the steering, biases and a gain of gyros: all estimated within their sigma."""
-    record = simulate(truck, count=3, seed=3)
+    record = simulate(truck, count=2, seed=3)
     signals = dict(record.signals)
     delayed = np.interp(record.time - 0.04, record.time, signals[STEER])
     signals |= {
@@ -154,8 +130,6 @@ def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:
         for log in ("log 0", "log 1")
     ]
     assert differences == pytest.approx([0.003, -0.002], abs=0.0006)
-    single = identify(records[:1], guess, replace(KNOWN, given={"others": "exact"}))
-    assert all(result[e.name].sigma < e.sigma for e in single.parameters)
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +174,7 @@ def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None
 
 @pytest.mark.slow
 def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, guess: Vehicle) -> None:
-    record = without(simulate(truck, count=3, seed=4), "roll_rate")
+    record = without(simulate(truck, count=1, seed=4), "roll_rate")
     result = identify([record], guess, OneStage(tyres="linear"))
     height = result[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
@@ -208,9 +182,6 @@ def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, gues
     assert result["semitrailer.cog_height"].verdict is Verdict.NOT_IDENTIFIABLE
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert [v for n, v in verdicts.items() if n != HEIGHT] == [Verdict.CONVERGED] * 4
-    # the uncertainty of the height is part of the other sigmas
-    certain = identify([record], guess, OneStage(tyres="linear", given={HEIGHT: "exact"}))
-    assert result["semitrailer.cornering_stiffness"].sigma > certain["semitrailer.cornering_stiffness"].sigma
 
 
 def test_correlated_unknowns_are_named(truck: Vehicle, guess: Vehicle) -> None:
@@ -251,31 +222,16 @@ def test_an_uncertain_number_that_the_log_does_not_inform_widens_sigma(truck: Ve
     assert abs(moved.value - result[HEIGHT].value) == pytest.approx(moved.sigma, rel=0.35)
 
 
-def test_an_uncertain_parameter_is_estimated(truck: Vehicle) -> None:
-    initial = truck.replace({f"{path}.relaxation_length": 0.6 for path in ("tractor.front", "tractor.drive")})
-    settings = replace(KNOWN, given={**KNOWN.given, "relaxation_length": "+- 30 %"})
-    result = identify([simulate(truck, count=5, seed=9)], initial, settings)
-    for e in result.uncertain:
-        assert abs(e.value - 0.45) < 3.5 * e.sigma
-        assert e.sigma < 0.5 * e.prior
-
-
 @pytest.mark.slow
-def test_exact_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
-    record, front = simulate(truck, count=2, seed=10), "tractor.front.cornering_stiffness"
+def test_exact_parameters(truck: Vehicle, guess: Vehicle) -> None:
+    record = simulate(truck, count=1, seed=10)
 
-    def result(given: dict[str, str], vehicle: Vehicle = guess, **settings: tuple[str, ...]) -> Identification:
-        return identify([record], vehicle, replace(KNOWN, given={**KNOWN.given, **given}, **settings))
+    def result(given: dict[str, str]) -> Identification:
+        return identify([record], guess, replace(KNOWN, given={**KNOWN.given, **given}))
 
-    fixed = result({front: "exact"})
-    assert (fixed[front].verdict, fixed[front].sigma) == (Verdict.FIXED, None)
-    uncertain = {"tractor.yaw_inertia": "free", "semitrailer.mass": "+- 30 %"}
-    only = result(EVERY_PARAMETER | uncertain, truck, reported=("semitrailer.mass",))
-    estimates = [e for e in only.parameters if e.verdict is not Verdict.FIXED]
-    assert {e.name for e in estimates} == uncertain.keys()
-    assert max(np.abs(list(normalised_errors(only, truck).values()))) < 3.5
-    by_end = result({"cornering_stiffness": "exact"})
-    assert [e.verdict for e in by_end.parameters].count(Verdict.FIXED) == 3
+    verdicts = {e.name: (e.verdict, e.sigma) for e in result({"cornering_stiffness": "exact"}).parameters}
+    assert list(verdicts.values()).count((Verdict.FIXED, None)) == 3
+    assert verdicts["semitrailer.yaw_inertia"][0] is Verdict.CONVERGED
     for wrong in ("roll_axis_hight", "nonsense", "tractor.yaw_inertai"):
         with pytest.raises(VehicleError, match=f"{wrong}: no such parameter"):
             result({wrong: "+- 10 %"})
@@ -283,32 +239,6 @@ def test_exact_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
         result(EVERY_PARAMETER)
     with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected a value above 0"):
         result({"fifth_wheel.roll_damping": "free"})
-
-
-@pytest.mark.slow
-def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=2, seed=11, name="a run")
-    result = identify([record], guess, OneStage(tyres="linear", given={"roll_stiffness": "+- 10 %"}))
-    data = json.loads(result.to_json())
-    assert data["method"] == "one-stage"
-    assert data["settings"]["given"] == {"roll_stiffness": "+- 10 %"}
-    assert len(data["uncertainty"]["names"]) == len(data["uncertainty"]["covariance"])
-    own = result.uncertainty("a run")
-    assert own is not None
-    assert f"{STEER}.offset" in own.names
-    other = result.uncertainty("another")  # its sensor errors have their priors
-    assert set(other.names) == set(own.names)
-    i = other.names.index(f"{STEER}.offset")
-    assert np.sqrt(other.covariance[i, i]) == pytest.approx(STEER_ANGLE.error("offset").prior)
-    assert np.count_nonzero(other.covariance[i]) == 1
-    observer = Observer(result.vehicle, record.signals, result.observer_settings("a run"))
-    plain, wider = observer.batch(record), observer.batch(record, own)
-    name = "sideslip.semitrailer"
-    assert wider.values[name] == pytest.approx(plain.values[name], nan_ok=True)
-    # without the joint covariance the bank counts as independent of all parameters, with it as it is correlated
-    assert (wider.sigma[name] > 0.8 * plain.sigma[name]).all()
-    error = wider.values[name] - record.reference[name]
-    assert np.mean(np.abs(error) < 1.645 * wider.sigma[name]) > 0.8
 
 
 def banked(record: Record, truck: Vehicle, bank: float) -> Record:
@@ -328,7 +258,7 @@ def banked(record: Record, truck: Vehicle, bank: float) -> Record:
 @pytest.mark.slow
 def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck: Vehicle, guess: Vehicle) -> None:
     """A bank of 2 degrees moves the truck to the right."""
-    record, true_bank = simulate(truck, count=3, seed=13), np.radians(2)
+    record, true_bank = simulate(truck, count=2, seed=13), np.radians(2)
     known = {"others": "exact", "road.bank": "+- 0.03 rad"}
     known |= {"steer.*.offset": "+- 1e-4 rad", "*_rate.*.offset": "+- 1e-4 rad/s"}
     result = identify([banked(record, truck, true_bank)], guess, replace(KNOWN, given=known))
@@ -336,61 +266,17 @@ def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck
     assert sigma < 0.02
     assert abs(bank - true_bank) < 3 * sigma
     assert max(np.abs(list(normalised_errors(result, truck).values()))) < 3.5
-    assert identify([record], guess, KNOWN).logs[0].bank is None
-
-
-@pytest.mark.slow
-def test_states_allow_for_a_bank_that_varies_within_a_log(truck: Vehicle, guess: Vehicle) -> None:
-    """The estimate of the mean bank stays as it is; what an observer gets has the variation too."""
-    record = banked(simulate(truck, count=1, seed=13), truck, 0.02)
-    given = {"others": "exact", "road.bank": "+- 0.03 rad"}
-    constant, varying = (
-        identify([record], guess, OneStage(tyres="linear", given=given | variation))
-        for variation in ({}, {"road.bank_variation": "+- 0.02 rad"})
-    )
-    assert varying.logs[0].bank == constant.logs[0].bank
-    mean, sigma = constant.logs[0].bank
-    observer, uncertainty = varying.sensor_settings(record.name), varying.uncertainty(record.name)
-    assert observer["bank_mean"] == mean
-    assert observer["bank"] == pytest.approx(math.hypot(sigma, 0.02))
-    assert uncertainty.among(["bank.road"]).covariance[0, 0] == pytest.approx(sigma**2 + 0.02**2)
 
 
 @pytest.mark.slow
 def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, guess: Vehicle) -> None:
     """A truck in equilibrium on a banked road does not roll at the start, and an unknown steering offset explains its
-    yaw rate: the bank keeps its prior, also with a vehicle file that is close to instability."""
+    yaw rate: the bank keeps its prior, with a vehicle file that is close to instability."""
     record = banked(simulate(truck, count=1, seed=13), truck, 0.06)
     settings = OneStage(tyres="linear", given={"softening": "exact"})  # softening tyres would inform the bank
-    for vehicle in (guess, guess.replace({"tractor.drive.cornering_stiffness": 6e5})):
-        bank, sigma = identify([record], vehicle, settings).logs[0].bank
-        assert sigma > 0.9 * quantity_of("road.bank").sigma
-        assert abs(bank - 0.06) < 2.5 * sigma
-
-
-@pytest.mark.parametrize(
-    ("name", "largest"),
-    [
-        (f"{STEER}.offset@0", np.inf),
-        (f"{STEER}.gain", np.inf),
-        (f"{STEER}.delay", np.inf),
-        (f"{STEER}.play", 0.0),
-        ("speed.delay", 0.0),
-        ("yaw_rate.tractor.offset@0", np.inf),
-        ("yaw_rate.tractor.gain", 0.0),
-        ("yaw_rate.tractor.delay", 0.0),
-        ("semitrailer.mass", 2.0),
-        ("brakes.drive_axle@0", 2.0),
-        ("semitrailer.yaw_inertia", np.inf),
-        ("yaw_rate.tractor@0.0", np.inf),
-    ],
-)
-def test_the_range_of_the_first_fit(truck: Vehicle, name: str, largest: float) -> None:
-    """Far from the solution, gain and delay of a gyro and uncertain numbers would absorb errors of the parameters."""
-    setup = Setup.of(truck.with_logged_steering([STEER], ""), ("yaw_rate.tractor",), OneStage())
-    problem = Problem(setup, [LogData(name="a", segments=[simulate(truck, count=1).cut(0.0, 1.0)])])
-    assert name in problem.names
-    assert _first_range(problem, name) == largest
+    bank, sigma = identify([record], guess.replace({"tractor.drive.cornering_stiffness": 6e5}), settings).logs[0].bank
+    assert sigma > 0.9 * quantity_of("road.bank").sigma
+    assert abs(bank - 0.06) < 2.5 * sigma
 
 
 @pytest.mark.parametrize(("friction", "raised"), [(0.2, True), (0.75, False)])
@@ -406,77 +292,47 @@ def test_the_search_begins_with_enough_friction(truck: Vehicle, friction: float,
     assert not np.delete(z, problem.names.index(FRICTION)).any()
 
 
-@pytest.mark.parametrize(
-    ("decay", "form", "converged", "spins", "expected"),
-    [
+def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below 0.1 1/s of the slowest mode, if the prediction errors have a minimum, or where a free run has no limit."""
+    for decay, form, converged, spins, expected in (
         (0.1, "output_error", True, False, "output_error"),
         (0.0999, "output_error", True, False, "prediction_error"),
         (0.0999, "output_error", False, False, "output_error"),
         (0.0999, "prediction_error", True, False, "prediction_error"),
         (0.1, "output_error", False, True, "prediction_error"),
-    ],
-)
-def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
-    truck: Vehicle,
-    monkeypatch: pytest.MonkeyPatch,
-    decay: float,
-    form: str,
-    converged: bool,
-    spins: bool,
-    expected: str,
-) -> None:
-    """Below 0.1 1/s of the slowest mode, if the prediction errors have a minimum, or where a free run has no limit."""
+    ):
 
-    def estimator_of(records, vehicle, settings, validate, earlier):
-        objective = SimpleNamespace(output_error=settings.form == "output_error", slowest_decay=lambda z: decay)
-        hessian = np.full((1, 1), math.inf if spins and objective.output_error else 1.0)
-        model = SimpleNamespace(hessian=hessian)
-        minimum = SimpleNamespace(objective=objective, z=None, converged=converged, model=model)
-        return SimpleNamespace(
-            minimise=lambda progress: minimum, solution=lambda m: SimpleNamespace(form=settings.form, minimum=m)
-        )
+        def estimator_of(_, vehicle, settings, *others, case=(decay, converged, spins)):
+            output_error = settings.form == "output_error"
+            objective = SimpleNamespace(output_error=output_error, slowest_decay=lambda z: case[0])
+            model = SimpleNamespace(hessian=np.full((1, 1), math.inf if case[2] and output_error else 1.0))
+            minimum = SimpleNamespace(objective=objective, z=None, converged=case[1], model=model)
+            return SimpleNamespace(
+                minimise=lambda progress: minimum, solution=lambda m: SimpleNamespace(form=settings.form, minimum=m)
+            )
 
-    monkeypatch.setattr(estimator, "_estimator", estimator_of)
-    assert solve_one_stage([], truck, OneStage(form=form, tyres="linear")).form == expected
+        monkeypatch.setattr(estimator, "_estimator", estimator_of)
+        assert solve_one_stage([], truck, OneStage(form=form, tyres="linear")).form == expected
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("steered", [True, False])
-def test_a_part_tells_what_the_inputs_excite(steered: bool, truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As all samples do."""
-    record = simulate(truck, count=3, seed=1)
-    if not steered:
-        rng = np.random.default_rng(1)
-        noise = {name: 2e-3 * rng.normal(size=len(record)) for name in record.signals if "rate" in name}
-        record = record.with_signals({STEER: np.zeros(len(record)), **noise})
-    whole = solve_one_stage([record], *applied(truck, KNOWN))
-    monkeypatch.setattr(estimator, "EARLY_ROWS", 250)
-    assert whole.problem.shortened(250) is not whole.problem
-    assert solve_one_stage([record], *applied(truck, KNOWN)).uninformed == whole.uninformed
-    assert bool(whole.uninformed) is not steered
-
-
-@pytest.fixture(scope="module")
-def long_log(truck: Vehicle) -> Solution:
-    return solve_one_stage([simulate(truck, count=10, seed=1)], *applied(truck, KNOWN))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("excess", "parts", "early"), [(8.99, [500], 1), (9.0, [500, 1000], 3)])
-def test_all_samples_of_a_long_log_count(
-    truck: Vehicle, long_log: Solution, monkeypatch: pytest.MonkeyPatch, excess: float, parts: list[int], early: int
-) -> None:
+def test_all_samples_of_a_long_log_count(truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the fits before the last one use a part of it, which is doubled while the truck does not follow the rest."""
-    (record,), judged, fits = long_log.dataset.records, [], []
+    record = simulate(truck, count=10, seed=1)
+    whole = solve_one_stage([record], *applied(truck, KNOWN))
     monkeypatch.setattr(estimator, "EARLY_ROWS", 500)
-    monkeypatch.setattr(Problem, "excess", lambda _, z, part: judged.append(len(part)) or excess)
-
-    def progress(title: str, done: int, total: int) -> None:
-        fits.extend([title] * (done == total))
-
-    solution = solve_one_stage([record], *applied(truck, KNOWN), progress=progress)
-    assert judged == pytest.approx(parts, abs=1)
-    assert fits == [WHITE, *[EARLY] * early, FINAL]
-    assert [len(segment) for segment in solution.problem.logs[0].segments] == [len(record) // 4]
-    sigma = long_log.linearisation.posterior.sigma
-    assert np.abs((solution.minimum.z - long_log.minimum.z) / sigma).max() < 0.1
+    sigma = whole.linearisation.posterior.sigma
+    for excess, parts, early in ((8.99, [500], 1), (9.0, [500, 1000], 3)):
+        sizes, fits = [], []
+        monkeypatch.setattr(Problem, "excess", lambda _, z, part, to=sizes, e=excess: to.append(len(part)) or e)
+        solution = solve_one_stage(
+            [record],
+            *applied(truck, KNOWN),
+            progress=lambda title, done, total, to=fits: to.extend([title] * (done == total)),
+        )
+        assert sizes == pytest.approx(parts, abs=1)
+        assert fits == [WHITE, *[EARLY] * early, FINAL]
+        assert [len(segment) for segment in solution.problem.logs[0].segments] == [len(record) // 4]
+        assert np.abs((solution.minimum.z - whole.minimum.z) / sigma).max() < 0.1

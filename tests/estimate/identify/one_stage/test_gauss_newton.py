@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.estimate.identify.one_stage.gauss_newton import (
@@ -44,29 +44,15 @@ def search(start: list[float], lower: float = -9.0, upper: float = 9.0, limit: i
     return minimum.z, minimum.converged
 
 
-@pytest.mark.parametrize("start", [[-1.2, 1.0], [3.0, -3.0], [-5.0, 8.0], [1.0, 1.0]])
-def test_rosenbrock_valley(start: list[float]) -> None:
-    z, converged = search(start)
-    assert converged
-    assert z == pytest.approx([1.0, 1.0], abs=1e-5)
-
-
-def test_minimum_on_a_bound() -> None:
+def test_rosenbrock_valley() -> None:
+    """Also with the minimum on a bound; not after too few steps."""
+    for start in ([-1.2, 1.0], [3.0, -3.0], [-5.0, 8.0], [1.0, 1.0]):
+        z, converged = search(start)
+        assert converged
+        assert z == pytest.approx([1.0, 1.0], abs=1e-5)
     z, converged = search([-1.2, 0.3], upper=0.5)
     assert converged
     assert z == pytest.approx([0.5, 0.25], abs=1e-5)
-
-
-def test_a_step_that_is_twice_too_long_is_halved() -> None:
-    """The Hessian is half of the true one, as that of Gauss and Newton may be: one step reaches the minimum."""
-    halved = SimpleNamespace(expand=lambda z: Quadratic(float(z @ z), 2 * z, np.eye(2)), cost=lambda z: float(z @ z))
-    start, limit = np.array([0.6, -0.8]), np.full(2, 9.0)
-    minimum = minimise(halved, start, lower=-limit, upper=limit, iterations=2)
-    assert minimum.converged
-    assert minimum.z == pytest.approx([0.0, 0.0], abs=1e-12)
-
-
-def test_not_converged_after_too_few_steps() -> None:
     assert not search([-5.0, 8.0], limit=3)[1]
 
 
@@ -97,6 +83,7 @@ def test_stops_at_an_infinite_cost() -> None:
     assert 1.9 < minimum.z[0] <= 2
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 10_000), st.floats(0.01, 10))
 def test_trust_region_step_is_the_best_in_the_ball(seed: int, radius: float) -> None:
     rng = np.random.default_rng(seed)
@@ -122,12 +109,8 @@ class Slope:
     """A cost that falls by a chosen ratio of the predicted decrease; it keeps the lengths of all steps."""
 
     def __init__(self, ratio: float) -> None:
-        self.ratio, self.model, self.at, self.lengths = (
-            ratio,
-            Quadratic(0.0, np.array([-1.0]), 1e-9 * np.eye(1)),
-            0.0,
-            [],
-        )
+        self.ratio, self.at, self.lengths = ratio, 0.0, []
+        self.model = Quadratic(0.0, np.array([-1.0]), 1e-9 * np.eye(1))
 
     def expand(self, z: Array) -> Quadratic:
         self.model = self.model._replace(cost=self.cost(z))
@@ -142,22 +125,12 @@ class Slope:
 
 
 @pytest.mark.parametrize(
-    ("ratio", "lengths"),
-    [
-        (1.0, [2.0, 4.0, 8.0, 16.0]),
-        (0.76, [2.0, 4.0, 8.0, 16.0]),
-        (0.74, [2.0, 2.0, 2.0, 2.0]),
-        (0.26, [2.0, 2.0, 2.0, 2.0]),
-        (0.24, [2.0, 0.5, 0.125, 0.03125]),
-        (1.1e-3, [2.0, 0.5, 0.125, 0.03125]),
-        (0.9e-3, [2.0, 0.5, 0.125, 0.03125]),
-        (-1.0, [2.0, 0.5, 0.125, 0.03125]),
-        (np.nan, [2.0, 0.5, 0.125, 0.03125]),
-    ],
+    ("ratio", "factor"),
+    [(1.0, 2), (0.76, 2), (0.74, 1), (0.26, 1), *((r, 0.25) for r in (0.24, 1.1e-3, 0.9e-3, -1, np.nan))],
 )
-def test_the_trust_region_follows_the_ratio_of_actual_to_predicted_decrease(ratio: float, lengths: list[float]) -> None:
+def test_the_trust_region_follows_the_ratio_of_actual_to_predicted_decrease(ratio: float, factor: float) -> None:
     """Twice as large above 3/4, a quarter below 1/4; a step is taken if the cost decreases by 1/1000 of it."""
-    slope, far, progress = Slope(ratio), np.full(1, 1e9), []
+    slope, far, progress, lengths = Slope(ratio), np.full(1, 1e9), [], [2.0 * factor**k for k in range(4)]
     minimum = minimise(
         slope, np.zeros(1), lower=-far, upper=far, iterations=4, progress=lambda *step: progress.append(step)
     )
@@ -192,6 +165,7 @@ def test_converged_when_a_full_step_is_small_in_standard_deviations(
         assert minimum.z[0] == (error if steps == 1 else 0.0)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_newton_step_is_the_minimum_within_bounds(seed: int) -> None:
     """Of a quadratic in three unknowns, some of which are on a bound: against a search over what is on its bounds."""

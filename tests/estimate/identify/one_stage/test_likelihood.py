@@ -82,17 +82,3 @@ def test_the_density_has_the_integral_one(limit: float) -> None:
         return float(np.exp(log_density(replace(one, error=np.full((1, 1), e)), limit)))
 
     assert 2 * (quad(density, 0, edge)[0] + quad(density, edge, 60)[0]) == pytest.approx(1, rel=1e-9)
-
-
-def test_the_sum_over_parts_is_that_of_the_block() -> None:
-    block = block_at(np.zeros(4))
-    parts = list(block.split(7))
-    assert [len(part.time) for part in parts] == [7, 7, 6]
-    assert sum(loss(part, LIMIT) for part in parts) == pytest.approx(loss(block, LIMIT))
-    for whole, of_parts in zip(
-        gradient_and_information(block, LIMIT),
-        zip(*(gradient_and_information(part, LIMIT) for part in parts), strict=True),
-        strict=True,
-    ):
-        assert sum(of_parts) == pytest.approx(whole)
-    assert all(part.variance_jacobian is None for part in block_at(np.zeros(4), varying=False).split(7))

@@ -88,13 +88,6 @@ def test_values_by_name_are_a_point(density: LogPosterior) -> None:
     assert "bank.road@run.0" not in values
 
 
-def test_beyond_a_bound_the_density_is_zero(density: LogPosterior) -> None:
-    x = density.mean.copy()
-    x[0] = density.bounds[1][0] + 0.1
-    assert density(x) == -np.inf
-    assert density({FRONT: -1.0}) == -np.inf
-
-
 def test_wrong_arguments_are_refused(density: LogPosterior, truck: Vehicle) -> None:
     record = simulate(truck, count=1)
     with pytest.raises(SignalError, match=r"x: expected \d+ numbers, as in names, got shape \(3,\)"):
@@ -128,20 +121,18 @@ def test_the_interval_of_the_profile_is_that_of_the_posterior(density: LogPoster
     assert np.isinf(profile.interval(0.999)).all()  # beyond the points
     with pytest.raises(FifthwheelError, match="level: expected a probability"):
         profile.interval(1.0)
-
-
-def test_the_plot_of_a_profile(density: LogPosterior) -> None:
-    profile = density.profile(OFFSET, sigmas=1.0, points=3)
     (panel,) = profile.plot().panels
     normal, line, maximum = panel.items
-    assert panel.x.unit == "deg"
     np.testing.assert_allclose(line.y, np.exp(profile.log_density))
-    np.testing.assert_allclose(normal.x, np.degrees(profile.values))
-    assert maximum.x == pytest.approx(np.degrees(profile.best))
+    np.testing.assert_allclose(normal.x, profile.values)
+    assert maximum.x == pytest.approx(profile.best)
 
 
-def test_there_is_no_derivative_where_an_unknown_is_not_finite(density: LogPosterior) -> None:
+def test_where_there_is_no_density(density: LogPosterior) -> None:
+    """Beyond a bound it is zero; where an unknown is not finite there is no derivative."""
     x = density.mean.copy()
+    x[0] = density.bounds[1][0] + 0.1
+    assert density(x) == density({FRONT: -1.0}) == -np.inf
     x[0] = np.nan
     assert density(x) == -np.inf
     for derivative in (density.gradient, density.fisher_information):

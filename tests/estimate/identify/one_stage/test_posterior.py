@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
-from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
 
 NAMES = ("a", "b", "c")
 posterior = ScaledPosterior.from_information
@@ -19,20 +18,15 @@ def jacobian() -> np.ndarray:
     return np.random.default_rng(0).normal(size=(200, 3))
 
 
-def test_right_model(jacobian: np.ndarray) -> None:
-    """The covariance is the inverse of the information plus the prior."""
-    H = information(jacobian, 2.0)
-    result = posterior(NAMES, H)
-    assert result.covariance == pytest.approx(np.linalg.inv(np.eye(3) + H))
-    assert posterior(NAMES, H, H).covariance == pytest.approx(result.covariance)
-    assert result.sigma == pytest.approx(np.sqrt(np.diag(result.covariance)))
-
-
 def test_larger_score_covariance_widens_every_sigma(jacobian: np.ndarray) -> None:
+    """The covariance is the inverse of the information plus the prior. Scores that scatter less than predicted do not
+    reduce a sigma."""
     H = 100 * information(jacobian, 1.0)
     usual, wider = posterior(NAMES, H, H), posterior(NAMES, H, 9 * H)
+    assert usual.covariance == pytest.approx(np.linalg.inv(np.eye(3) + H))
+    assert posterior(NAMES, H).covariance == pytest.approx(usual.covariance)
+    assert usual.sigma == pytest.approx(np.sqrt(np.diag(usual.covariance)))
     assert wider.sigma == pytest.approx(3 * usual.sigma, rel=1e-3)
-    # scores that scatter less than predicted do not reduce a sigma
     assert posterior(NAMES, H, H / 9).sigma == pytest.approx(usual.sigma)
 
 
@@ -50,37 +44,14 @@ def test_estimates_and_their_errors_against_random_draws(jacobian: np.ndarray) -
     assert result.predictive == pytest.approx(np.std(estimates, axis=0), rel=0.02)
 
 
-def test_the_scatter_of_estimates_contains_that_of_the_scores(jacobian: np.ndarray) -> None:
-    """P (H C H + M) P with the prior covariance I; scores that scatter less than predicted do not reduce it."""
-    H = information(jacobian, 20.0)
-    for factor in (1.0, 4.0):
-        result = posterior(NAMES, H, factor * H)
-        P = result.model_covariance
-        assert result.predictive**2 == pytest.approx(np.diag(P @ (H @ H + factor * H) @ P))
-    assert posterior(NAMES, H, H / 4).predictive == pytest.approx(posterior(NAMES, H).predictive)
-
-
 def test_more_information_or_a_narrower_prior_never_enlarges_a_sigma() -> None:
     rng = np.random.default_rng(2)
-    for _ in range(200):
+    for _ in range(50):
         one, other = (information(rng.normal(size=(2, 3)), sigma) for sigma in rng.uniform(0.3, 3.0, 2))
         few = posterior(NAMES, one)
         assert (posterior(NAMES, one + other).sigma <= few.sigma * (1 + 1e-12)).all()
         narrower = posterior(NAMES, one, precision=np.diag([1.0, 4.0, 1.0]))
         assert (narrower.sigma <= few.sigma * (1 + 1e-12)).all()
-
-
-def test_correlated_unknowns() -> None:
-    """Only the sum of a and b is measured."""
-    row = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    result = posterior(NAMES, information(row, 0.01))
-    assert result.correlated(0) == [1]
-    assert result.correlated(2) == []
-    assert result.most_limiting(1) == 0
-    assert result.conditional_sigma(NAMES[0]) == pytest.approx(0.01, rel=1e-2)
-    assert result.sigma[0] == pytest.approx(np.sqrt(0.5), rel=1e-2)
-    remaining = dict(zip(NAMES, result.sigma.tolist(), strict=True))
-    assert uninformed_parameters(result, remaining, (), 0.5) == dict.fromkeys("ab", Verdict.NOT_IDENTIFIABLE)
 
 
 def test_conditional_sigma_does_not_take_sensor_errors_as_known() -> None:

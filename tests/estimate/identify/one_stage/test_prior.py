@@ -33,13 +33,6 @@ def test_a_log_gives_an_unknown_another_mean_and_sigma() -> None:
     np.testing.assert_allclose(ratio, [0.04, 1.0, 9.0, 1.0])
 
 
-def test_unknowns_without_earlier_logs_are_as_before() -> None:
-    alone, other = Prior(NAMES, TAILS), Prior(NAMES, TAILS, EARLIER.among(()))
-    z = np.array([0.4, 1.0, -2.0, 0.3])
-    assert alone.cost(z) == other.cost(z)
-    np.testing.assert_array_equal(alone.expand(z).hessian, other.expand(z).hessian)
-
-
 def test_the_posterior_of_earlier_logs_is_that_of_all_logs() -> None:
     """Information H1 and then H2 is that of H1 + H2, also of the widening by model error."""
     rng = np.random.default_rng(1)

@@ -1,6 +1,5 @@
 """The linearisation of several logs: sums over all of them, one after the other in the history."""
 
-import numpy as np
 import pytest
 
 from fifthwheel.data.record.derived import article_gyro_variance
@@ -31,18 +30,3 @@ def test_sigma_of_residuals_that_scatter_more_than_their_variance(
     for e in expected.parameters:  # within the sampling error of the variance of the scores
         assert actual[e.name].sigma == pytest.approx(e.sigma, rel=0.2), e.name
         assert actual[e.name].value == pytest.approx(e.value, abs=0.3 * e.sigma), e.name
-
-
-@pytest.mark.slow
-def test_the_history_covers_all_logs(truck: Vehicle) -> None:
-    logs = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2, 3)]
-    result = identify(logs, truck, OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}))
-    history = result.histories["one stage"]
-    assert (np.diff(history.time) > 0).all()
-    assert 150 < len(history.time) < 250
-    lost = 0.03  # half a row at either end
-    assert history.time[-1] == pytest.approx(sum(log.time[-1] - log.time[0] - lost for log in logs), rel=1e-6)
-    assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
-    sigma = np.array([e.sigma for e in result.parameters])  # model error widens; the last step is not taken
-    assert (history.sigma[-1] <= sigma * (1 + 1e-4)).all()
-    assert (np.diff(history.sigma, axis=0) <= 1e-3 * history.sigma[:-1]).mean() > 0.95

@@ -30,30 +30,21 @@ def log_with_late_speed(truck: Vehicle) -> Record:
     return Record(time=time, signals={"speed": speed, STEER: inputs[STEER]} | gyros, name="late speed")
 
 
-@pytest.fixture(scope="module")
-def results() -> list[fw.Identification]:
-    """With and without the delay among the unknowns."""
-    truck = fw.vehicle("cheng_cebon_2011")
+@pytest.mark.slow
+def test_it_is_estimated_and_without_it_the_estimates_are_wrong() -> None:
+    """They have three times the error, and no smaller sigma. Observers do not correct it."""
+    truck, truth = fw.vehicle("cheng_cebon_2011"), fw.vehicle("cheng_cebon_2011").parameters()
     known = {"others": "exact", "*_rate.*.delay": "exact"}
     settings = [OneStage(tyres="linear", given=given) for given in (known, known | {"speed.delay": "exact"})]
-    return [fw.identify([log_with_late_speed(truck)], truck, each) for each in settings]
-
-
-@pytest.mark.slow
-def test_it_is_estimated(results: list[fw.Identification]) -> None:
+    results = [fw.identify([log_with_late_speed(truck)], truck, each) for each in settings]
     (delay,) = [error for error in results[0].sensors if error.name == "speed.delay"]
     assert abs(delay.value - DELAY) < 3 * delay.sigma < 0.02
-
-
-@pytest.mark.slow
-def test_without_it_the_estimates_are_wrong(results: list[fw.Identification]) -> None:
-    """They have three times the error, and no smaller sigma."""
-    truth = fw.vehicle("cheng_cebon_2011").parameters()
     errors = [[each.value / truth[each.name] - 1 for each in result.parameters] for result in results]
     assert 3 * np.linalg.norm(errors[0]) < np.linalg.norm(errors[1])
     pairs = zip(*[result.parameters for result in results], strict=True)
     assert all(estimated.sigma < 1.05 * left_out.sigma for estimated, left_out in pairs)
     assert all(abs(each.value - truth[each.name]) < 3 * each.sigma for each in results[0].parameters)
+    assert "speed.delay" not in results[0].observer_settings().sensor_errors
 
 
 def test_it_may_be_stated_in_the_signal_map() -> None:
@@ -62,7 +53,6 @@ def test_it_may_be_stated_in_the_signal_map() -> None:
     assert settings.given == {"speed.delay": "0.0 s +- 0.01 s"}  # the map has applied the 50 ms
 
 
-def test_observers_do_not_correct_it(results: list[fw.Identification]) -> None:
-    assert "speed.delay" not in results[0].observer_settings().sensor_errors
+def test_observers_do_not_correct_it() -> None:
     with pytest.raises(fw.SignalError, match=r"speed\.delay: an observer corrects no error of the speed"):
         fw.ObserverSettings(sensor_errors={"speed.delay": 0.1})

@@ -14,18 +14,18 @@ import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.formatting import shown
+from fifthwheel.data.channels import STEER as STEER_ANGLE
 from fifthwheel.estimate.identify import Identification, OneStage
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.result.storage import _finite
-from fifthwheel.estimate.identify.statement import with_values
-from fifthwheel.estimate.online import Learner
 from fifthwheel.truck.quantities import BANK_VARIATION, quantity_of
 from tests.estimate.identify.result.conftest import RUN, TRUCK
 
-pytestmark = pytest.mark.slow
+SERIES = ("fits", "residuals", "histories")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["result", "published"])
 def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
     saved = request.getfixturevalue(name)
@@ -39,17 +39,28 @@ def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
     assert Identification.load(tmp_path / "out" / "identification.json").parameters == saved.parameters
     loaded.save(tmp_path / "again")
     assert Identification.load(tmp_path / "again") == saved
+    for history in saved.histories.values():  # its band ends with the sigma of the result
+        for estimate in filter(lambda e: e.name in history.names, saved.parameters):
+            sigma = history.sigma[:, history.names.index(estimate.name)]
+            band, factor = display.history_panel(history, estimate).items[0], shown(estimate.unit).factor
+            half = (np.asarray(band.upper) - np.asarray(band.lower)) / 2 / factor
+            assert half[-1] == pytest.approx(estimate.sigma)
+            assert (half >= sigma * (1 - 1e-9)).all() == (estimate.sigma >= sigma[-1] * (1 - 1e-9))
 
 
-def test_results_that_differ_in_one_number_are_not_equal(result):
+@pytest.mark.slow
+def test_results_that_differ_in_one_number_are_not_equal(result, tmp_path):
     fit, knowledge = result.fits[0], result.knowledge
     changed = fit.predicted.copy()
     changed[5] = np.nextafter(changed[5], 1.0)
     assert replace(fit, predicted=fit.predicted.copy()) == fit != replace(fit, predicted=changed)
     assert replace(result, fits=(replace(fit, predicted=changed), *result.fits[1:])) != result
     assert replace(knowledge, logs=()) != knowledge
+    replace(result, fits=(replace(fit, explained=float("nan")),)).save(tmp_path)
+    assert np.isnan(Identification.load(tmp_path).fits[0].explained)
 
 
+@pytest.mark.slow
 def test_a_result_never_replaces_a_foreign_file(result, tmp_path):
     (tmp_path / "vehicle.toml").write_text("mine")
     with pytest.raises(FifthwheelError, match=r"vehicle\.toml: not of an earlier result; choose another folder"):
@@ -59,44 +70,30 @@ def test_a_result_never_replaces_a_foreign_file(result, tmp_path):
     result.save(tmp_path / "new")
 
 
-def test_numbers_that_are_not_finite_are_kept(result, tmp_path):
-    fit = replace(result.fits[0], explained=float("nan"))
-    replace(result, fits=(fit,)).save(tmp_path)
-    assert np.isnan(Identification.load(tmp_path).fits[0].explained)
-
-
-def test_without_time_series(result, tmp_path):
-    result.save(tmp_path)
-    (tmp_path / "series.npz").unlink()
-    loaded = Identification.load(tmp_path)
-    assert loaded.parameters == result.parameters
-    assert loaded.plot().panels
-    for kind in ("fits", "residuals", "histories"):
-        with pytest.raises(SignalError, match="identify again"):
-            loaded.plot(kind)
-
-
-def test_damaged_files_are_refused(result, tmp_path):
+@pytest.mark.slow
+def test_missing_and_damaged_files(result, tmp_path):
     result.save(tmp_path)
     (tmp_path / "series.npz").write_bytes(b"PK damaged")
     with pytest.raises(SignalError, match=r"series\.npz: damaged"):
         Identification.load(tmp_path)
     (tmp_path / "series.npz").unlink()
+    loaded = Identification.load(tmp_path)
+    assert loaded.parameters == result.parameters
+    assert loaded.plot().panels
+    for series in (*(lambda kind=kind: loaded.plot(kind) for kind in SERIES), loaded.residuals):
+        with pytest.raises(FifthwheelError, match="identify again"):
+            series()
     path = tmp_path / "identification.json"
     contents = json.loads(path.read_text())
-    for key in contents.keys() - {"preset", "vehicle"}:
-        path.write_text(json.dumps({k: v for k, v in contents.items() if k != key}))
-        if key == "vehicle_file":
-            with pytest.raises(SignalError, match=f"not an identification.json of this version \\('{key}'\\)"):
-                Identification.load(tmp_path)
-        else:
-            with pytest.raises(SignalError, match=r"identification\.json"):
-                Identification.load(tmp_path)
-    path.write_text(json.dumps(contents | {"vehicle_file": {"name": "x", "units": []}}))
-    with pytest.raises(SignalError, match=r"identification\.json"):
-        Identification.load(tmp_path)
+    damaged = [{k: v for k, v in contents.items() if k != key} for key in contents.keys() - {"preset", "vehicle"}]
+    for content in (*damaged, contents | {"vehicle_file": {"name": "x", "units": []}}):
+        path.write_text(json.dumps(content))
+        with pytest.raises(SignalError, match=r"identification\.json") as refused:
+            Identification.load(tmp_path)
+        assert "vehicle_file" in content or "of this version ('vehicle_file')" in str(refused.value)
 
 
+@pytest.mark.slow
 def test_an_observer_of_the_result(result):
     observer = result.observer()
     assert set(observer.inputs) | set(observer.outputs) == set(RUN.signals)
@@ -107,18 +104,14 @@ def test_an_observer_of_the_result(result):
     few = result.observer(["speed", "steer.tractor.front", "yaw_rate.tractor"], log="run", min_speed=7.0)
     assert few.outputs == ("yaw_rate.tractor",)
     assert few.settings.min_speed == 7.0
+    own, other = result.uncertainty("run"), result.uncertainty("another")  # whose sensor errors have their priors
+    assert set(own.names) == set(other.names)
+    i = other.names.index(f"{STEER}.offset")
+    assert other.covariance[i, i] ** 0.5 == pytest.approx(STEER_ANGLE.error("offset").prior)
+    assert np.count_nonzero(other.covariance[i]) == 1
 
 
-def test_a_learner_has_settings_of_one_stage_and_the_surroundings_of_the_result(result, published, monkeypatch):
-    given = []
-    monkeypatch.setattr(Learner, "__init__", lambda self, *arguments, **_: given.append(arguments))
-    Learner.of(published, ["speed", "steer.tractor.front", "yaw_rate.tractor"])
-    Learner.of(result)
-    assert given[0] == (published.vehicle, ["speed", "steer.tractor.front", "yaw_rate.tractor"], None)
-    settings = replace(result.settings, given=with_values(result.settings.given, result.surroundings))
-    assert given[1] == (result.vehicle, result.signals, settings)
-
-
+@pytest.mark.slow
 def test_the_text_is_short_and_the_summary_complete(result):
     assert len(repr(result)) < 200
     assert "parameters converged, from run" in repr(result)
@@ -129,44 +122,31 @@ def test_the_text_is_short_and_the_summary_complete(result):
         assert line.endswith(f"{estimate.verdict.replace('_', ' ')}{derived}")
     assert any(line.startswith("<other> (validation)  yaw_rate.tractor") for line in lines)
     assert "kN/rad" in result.summary()
-
-
-def test_the_summary_has_the_doubts(result):
     cause = Cause(name="semitrailer.mass", changes={}, prior_sigmas=5.24)
-    doubtful = ("semitrailer.yaw_inertia",)
-    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=(cause,), parameters=doubtful, statistic=5.0)
+    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=(cause,), parameters=("semitrailer.yaw_inertia",), statistic=5.0)
     words = " ".join(replace(result, doubts=(doubt,)).summary().split())
     assert "contradicted assumption: semitrailer.mass (+5.2 prior sigma); doubtful: semitrailer.yaw_inertia" in words
     assert "contradicted" not in replace(result, doubts=()).summary()
 
 
-def test_the_tables_of_a_notebook(result):
-    page = result._repr_html_()
-    tree = ElementTree.fromstring(page)
-    rows = [["".join(cell.itertext()) for cell in row] for row in tree.iter("tr")]
-    front = next(row for row in rows if row[0] == "tractor.front.cornering_stiffness")
+@pytest.mark.slow
+def test_the_tables_of_a_notebook(result, monkeypatch):
+    page, estimate = result._repr_html_(), result["tractor.front.cornering_stiffness"]
+    rows = [["".join(cell.itertext()) for cell in row] for row in ElementTree.fromstring(page).iter("tr")]
+    front = next(row for row in rows if row[0] == estimate.name)
     assert " ± " in front[1]
-    assert front[3] == result["tractor.front.cornering_stiffness"].verdict.replace("_", " ")
+    assert front[3] == estimate.verdict.replace("_", " ")
     assert "&lt;other&gt;" in page
-
-
-def test_pandas(result, monkeypatch):
     frame = result.to_pandas()
-    estimate = result["tractor.front.cornering_stiffness"]
-    assert frame.loc[estimate.name].to_dict() == {
-        "value": estimate.value,
-        "sigma": estimate.sigma,
-        "unit": "N/rad",
-        "initial": 4.0e5,
-        "prior": estimate.prior,
-        "verdict": str(estimate.verdict),
-    }
+    expected = {name: getattr(estimate, name) for name in ("value", "sigma", "unit", "initial", "prior")}
+    assert frame.loc[estimate.name].to_dict() == expected | {"verdict": str(estimate.verdict)}
     assert list(frame.index) == [e.name for e in (*result.parameters, *result.derived)]
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(FifthwheelError, match=r"fifthwheel\[pandas\]"):
         result.to_pandas()
 
 
+@pytest.mark.slow
 def test_residuals(result, published, tmp_path):
     frame, whitened = result.residuals(), result.residuals(whitened=True)
     assert frame.index.names == ["log", "time"]
@@ -185,12 +165,10 @@ def test_residuals(result, published, tmp_path):
         published.residuals(whitened=True)
     result.save(tmp_path)
     assert Identification.load(tmp_path).residuals(whitened=True).equals(whitened)
-    (tmp_path / "series.npz").unlink()
-    with pytest.raises(FifthwheelError, match="no time series; identify again"):
-        Identification.load(tmp_path).residuals()
 
 
-def test_the_plot_of_parameters(result):
+@pytest.mark.slow
+def test_the_plots(result, published):
     (panel,) = result.plot().panels
     guess, estimates = panel.items
     row = list(panel.y.ticks.values()).index("tractor.front.cornering_stiffness")
@@ -199,25 +177,9 @@ def test_the_plot_of_parameters(result):
     assert estimates.x[row] == 1.0
     assert estimates.x_sigma[row] == pytest.approx(front.sigma / front.value)
     assert "kN/rad" in estimates.texts[row]
-
-
-@pytest.mark.parametrize("name", ["result", "published"])
-def test_the_band_of_a_history_ends_with_the_sigma_of_the_result(name, request):
-    identified = request.getfixturevalue(name)
-    for history in identified.histories.values():
-        for estimate in filter(lambda e: e.name in history.names, identified.parameters):
-            sigma = history.sigma[:, history.names.index(estimate.name)]
-            band, factor = display.history_panel(history, estimate).items[0], shown(estimate.unit).factor
-            half = (np.asarray(band.upper) - np.asarray(band.lower)) / 2 / factor
-            assert half[-1] == pytest.approx(estimate.sigma)
-            assert (half >= sigma * (1 - 1e-9)).all() == (estimate.sigma >= sigma[-1] * (1 - 1e-9))
-
-
-def test_the_plots_over_time(result, published):
     fits = result.plot("fits", log="<other>").panels
-    assert [panel.title for panel in fits] == [
-        f"{f.signal}, <other> (validation)" for f in result.fits if f.log != "run"
-    ]
+    titles = [f"{f.signal}, <other> (validation)" for f in result.fits if f.log != "run"]
+    assert [panel.title for panel in fits] == titles
     measured, predicted = fits[0].items
     (residual,) = result.plot("residuals", log="<other>").panels[0].items[1:]
     np.testing.assert_allclose(residual.y, measured.y - predicted.y)
@@ -285,27 +247,23 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | road | exact
 
 
-@pytest.mark.parametrize(
-    ("log", "joint", "bank_mean", "bank", "offset"),
-    [
-        ("first", True, 0.01, VARYING, 0.0),
-        ("first", False, 0.01, VARYING, 0.003),
-        ("second", True, 0.0, 0.03, 0.01),
-        (None, True, 0.0, 0.03, 0.01),
-        ("b", True, 0.0, 0.03, 0.01),
-    ],
-)
-def test_bank_and_offsets_of_a_log(log: str | None, joint: bool, bank_mean: float, bank: float, offset: float) -> None:
+def test_bank_and_offsets_of_a_log() -> None:
     """The joint covariance contains the offsets of a log that has them; other logs have the priors. The bank varies
     within a log."""
     sensors = [*IDENTIFICATION.sensors, *(error(f"{name}.offset", 0.004, "first") for name in (STEER, LATERAL))]
     first, *others = IDENTIFICATION.logs
     logs = [SimpleNamespace(**{**vars(first), "bank": (0.01, 0.02)}), *others]
-    changes = {"sensors": sensors, "logs": logs, "settings": OneStage(), "covariance": object() if joint else None}
-    identification: Any = Fields(**{**vars(IDENTIFICATION), **changes})
-    settings = identification.sensor_settings(log)
-    assert [settings[name] for name in ("bank_mean", "bank", "steer_offset")] == [bank_mean, bank, offset]
-    assert settings["acceleration_offset"] == (0.3 if offset == 0.01 else offset)
+    changes = {"sensors": sensors, "logs": logs, "settings": OneStage()}
+    prior = (0.0, 0.03, 0.01, 0.3)
+    for log, covariance, expected in (
+        ("first", object(), (0.01, VARYING, 0.0, 0.0)),
+        ("first", None, (0.01, VARYING, 0.003, 0.003)),
+        *((log, object(), prior) for log in ("second", None, "b")),
+    ):
+        identification: Any = Fields(**{**vars(IDENTIFICATION), **changes, "covariance": covariance})
+        settings = identification.sensor_settings(log)
+        names = ("bank_mean", "bank", "steer_offset", "acceleration_offset")
+        assert tuple(settings[name] for name in names) == expected
 
 
 def test_json_has_no_number_that_is_not_finite() -> None:

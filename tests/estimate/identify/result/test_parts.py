@@ -37,11 +37,3 @@ def history(values: list[float]) -> ParameterHistory:
 def test_a_value_that_settles_in_the_last_tenth_has_not_settled(values: list[float], row: int | None) -> None:
     assert history(values).settled_row("a", 0.01) == row
     assert history([9.0, 9.0, *values]).settled_row("a", 0.01, first=2) == row
-
-
-def test_histories_one_after_another() -> None:
-    both = history([1.0, 2.0]).followed_by(history([3.0, 4.0, 5.0]))
-    assert both.time.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
-    assert both.values[:, 0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
-    assert both.starts == (0, 2)
-    assert both.passes == 2

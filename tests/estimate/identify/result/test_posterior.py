@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import article
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import Identification, Posterior
+from fifthwheel.estimate.identify import Posterior
 from fifthwheel.estimate.identify.one_stage.estimator import TOLERANCE
 from fifthwheel.estimate.observe import Uncertainty
 
@@ -56,18 +56,8 @@ def test_samples_have_the_distribution_in_the_coordinates_of_the_estimator():
     np.testing.assert_allclose(z.std(axis=0), posterior.sigma, rtol=0.01)
     inside = np.quantile(draws, [0.05, 0.95], axis=0).T
     np.testing.assert_allclose(posterior.interval(0.9), inside, rtol=0.02)
-
-
-def test_an_interval_needs_a_probability():
     with pytest.raises(FifthwheelError, match=r"level: expected a probability between 0 and 1, got 95; write 0\.95"):
         wide().interval(95)
-
-
-def test_a_loaded_result_has_the_same_posterior(result, tmp_path):
-    result.save(tmp_path)
-    loaded = Identification.load(tmp_path).posterior
-    assert loaded.names == result.posterior.names
-    assert np.array_equal(loaded.sample(3, seed=1), result.posterior.sample(3, seed=1))
 
 
 def test_two_stages_have_no_joint_posterior(result):

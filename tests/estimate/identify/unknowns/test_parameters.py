@@ -8,8 +8,7 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns, sensor_unknowns
 from fifthwheel.apps.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.estimate.design import DesignSettings, design_experiment, predict_sigmas
-from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.unknowns.parameters import (
@@ -26,7 +25,6 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
 )
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model.dynamics.sensors import sensor_parameters
-from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import quantity_of
 from fifthwheel.truck.unit import Accelerometer
@@ -35,53 +33,23 @@ HEIGHT = "semitrailer.payload.height"
 RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
 
 
-def in_vehicle(
-    truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES
-) -> tuple[Vehicle, tuple[str, ...], OneStage]:
-    """Arguments of `one_stage_unknowns` with what the settings state of the vehicle."""
+def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
+    """The unknowns with what the settings state of the vehicle."""
     vehicle, settings = applied(truck, settings)
-    return vehicle, outputs, settings
+    return {u.name: u for u in one_stage_unknowns(vehicle, outputs, settings)}
 
 
-def test_the_vehicle_file_replaces_a_default_that_is_considered(truck: Vehicle) -> None:
-    def sigma(settings: OneStage, stated: float) -> float | None:
-        vehicle = truck.with_stated({"semitrailer.roll_stiffness": stated})
-        unknowns = {u.name: u for u in one_stage_unknowns(*in_vehicle(vehicle, settings))}
-        return unknowns["semitrailer.roll_stiffness"].scale if "semitrailer.roll_stiffness" in unknowns else None
-
-    value = truck.parameters()["semitrailer.roll_stiffness"]
-    assert sigma(OneStage(), 0.03 * value) == pytest.approx(0.03)
-    assert sigma(OneStage(), 0.0) is None
-    assert sigma(OneStage(given={"others": "exact", "roll_stiffness": "+- 20 %"}), 0.03 * value) == 0.2
-
-
-def test_paths_by_their_end(truck: Vehicle) -> None:
-    stiffnesses = [name for name in stage_1_names(truck) if name.endswith(".cornering_stiffness")]
-    assert truck.paths(["cornering_stiffness", stiffnesses[0]]) == stiffnesses
-    assert truck.paths(["payload.height"]) == [HEIGHT]
-    with pytest.raises(VehicleError, match=r"ering_stiffness: no such parameter in .*cheng"):
-        truck.paths(["ering_stiffness"])
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        (HEIGHT, False),
-        ("tractor.payload.height", True),
-        ("tractor.sprung.cog_height", True),
-        ("tractor.sprung.roll_inertia", True),
-        ("tractor.sprung.mass", False),
-        ("tractor.roll_axis_height", False),
-    ],
-)
-def test_lacks_roll_rate(name: str, expected: bool) -> None:
-    assert lacks_roll_rate(name, RATES) is expected
+def test_lacks_roll_rate() -> None:
+    lacking = {"tractor.payload.height", "tractor.sprung.cog_height", "tractor.sprung.roll_inertia"}
+    for name in (HEIGHT, "tractor.sprung.mass", "tractor.roll_axis_height", *lacking):
+        assert lacks_roll_rate(name, RATES) is (name in lacking)
 
 
 def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
     given = {"others": "exact", "sensors": "exact", "relaxation_length": "+- 30 %", "roll_damping": "+- 20 %"}
     settings = OneStage(given=given)
-    unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
+    vehicle, stated = applied(truck, settings)
+    unknowns = one_stage_unknowns(vehicle, RATES, stated)
     names = [u.name for u in unknowns]
     assert len(set(names)) == len(names)
     estimated = [u.name for u in unknowns if not (u.is_uncertain or not u.estimated or u.is_sensor_error)]
@@ -96,8 +64,7 @@ def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
     """Its CoG height is uncertain. Its roll inertia acts like the payload height; by its full path it is uncertain."""
 
     def uncertain(settings: OneStage) -> set[str]:
-        unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
-        return {u.name for u in unknowns if u.is_uncertain}
+        return {name for name, u in by_name(truck, settings).items() if u.is_uncertain}
 
     assert "tractor.sprung.cog_height" in uncertain(OneStage())
     assert "semitrailer.sprung.cog_height" in uncertain(OneStage())
@@ -107,19 +74,6 @@ def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
     assert uncertain(OneStage(given={"others": "exact", "sensors": "exact", inertia: "+- 10 %"})) == {inertia}
     height = "semitrailer.sprung.cog_height"
     assert by_name(truck.with_stated({height: 0.02}), OneStage())[height].prior_sigma == pytest.approx(0.02)
-
-
-def test_priors(truck: Vehicle) -> None:
-    """Standard deviation and slope agree with the transformation z -> p."""
-    for settings in (TwoStage(), TwoStage(logarithmic=False)):
-        for u in parameter_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
-            expected = 1.0 if u.name == HEIGHT else 0.3 * truck.parameters()[u.name]
-            assert u.prior_sigma == pytest.approx(expected)
-            assert u.slope(u.centre) == pytest.approx(expected)
-
-
-def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
-    return {u.name: u for u in one_stage_unknowns(*in_vehicle(truck, settings, outputs))}
 
 
 def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
@@ -136,12 +90,6 @@ def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
             assert linear - softened == pytest.approx(linear - fiala, rel=0.02)
 
 
-def test_a_small_sigma_of_the_softening_keeps_its_mean(truck: Vehicle) -> None:
-    u = by_name(truck, OneStage(tyres="linear", given={"softening": "+- 0.01 1/rad"}))["tractor.front.softening"]
-    assert u.centre == softening_priors(truck)["tractor.front"][0]
-    assert u.lower < u.centre < u.upper
-
-
 def test_softening_without_static_loads(truck: Vehicle) -> None:
     """Two groups on one unit behind a coupling leave the loads open."""
     group = truck.units[1].axle_groups[0]
@@ -151,33 +99,21 @@ def test_softening_without_static_loads(truck: Vehicle) -> None:
     assert set(softening_priors(undetermined).values()) == {tuple(SOFTENING * x for x in SOFTENING_PRIOR)}
 
 
-def test_all_but_the_reported_parameters_can_be_exact(truck: Vehicle) -> None:
-    gyros = {f"{rate}.delay" for rate in RATES}
-    full = {name for name, u in by_name(truck, OneStage()).items() if u.is_uncertain}
-    variation = "semitrailer.cornering_stiffness.variation"
-    assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= full
-    others = by_name(truck, OneStage(given={"others": "exact"})).values()
-    assert {u.name for u in others if u.is_uncertain} == {"time_base", *gyros}
-
-
-def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -> None:
-    """All by the same fraction."""
-    scale = by_name(truck, OneStage(tyres="saturating"))["mass_scale"]
-    assert scale.scale == pytest.approx(quantity_of("mass_scale").sigma)
-    for path, load in truck.axle_loads().items():
-        assert scale.slopes[f"{path}.static_load"] == pytest.approx(load, rel=1e-6)
-    assert "tractor.front.static_load" not in by_name(truck, OneStage(tyres="linear"))["mass_scale"].slopes
-
-
 def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle) -> None:
-    """Estimated, uncertain and fixed parameters are not part of a change; one without any other is left out."""
-    moved = by_name(truck, OneStage())["mass_scale"].slopes
+    """Estimated, uncertain and fixed parameters are not part of a change; one without any other is left out. The axle
+    loads of saturating tyres change by the same fraction."""
+    moved = by_name(truck, OneStage(tyres="linear"))["mass_scale"].slopes
     assert {"tractor.mass", "semitrailer.mass", "tractor.sprung.mass"} <= set(moved)
     assert "semitrailer.yaw_inertia" not in moved  # estimated
     assert "tractor.yaw_inertia" not in moved  # has an unknown of its own
     fixed = by_name(truck, OneStage(given={"tractor.mass": "exact", "tractor.cog": "exact"}))
     assert "tractor.mass" not in fixed["mass_scale"].slopes
     assert "tractor.cog" not in fixed
+    saturating = by_name(truck, OneStage(tyres="saturating"))["mass_scale"]
+    assert saturating.scale == pytest.approx(quantity_of("mass_scale").sigma)
+    for path, load in truck.axle_loads().items():
+        assert saturating.slopes[f"{path}.static_load"] == pytest.approx(load, rel=1e-6)
+    assert "tractor.front.static_load" not in moved
 
 
 def test_delays_of_time_bases(truck: Vehicle) -> None:
@@ -248,24 +184,6 @@ def test_the_places_of_several_accelerometers(truck: Vehicle) -> None:
         assert sensor_parameters(there, name)[f"{name}.height"] == place.height
 
 
-def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
-    """Stiffness and inertia by a fraction, between an eighth and eight times the value; heights in metres."""
-    values = truck.parameters()
-    given = {"cornering_stiffness": "+- 21 %", "yaw_inertia": "+- 21 %", "payload.height": "0.3 m +- 0.7 m"}
-    unknowns = by_name(truck, OneStage(given=given))
-    stiffness, height = unknowns["tractor.front.cornering_stiffness"], unknowns[HEIGHT]
-    value = values["tractor.front.cornering_stiffness"]
-    assert (stiffness.centre, stiffness.scale, stiffness.logarithmic) == (value, 0.21, True)
-    assert (stiffness.lower, stiffness.upper) == pytest.approx((value / 8, value * 8))
-    assert (height.centre, height.scale, height.logarithmic) == (0.3, 0.7, False)
-    assert (height.lower, height.upper) == (0.01, 3.5)
-    assert by_name(truck, OneStage(given={"payload.height": "+- 0.75 m"}))[HEIGHT].centre == values[HEIGHT]
-    body = "semitrailer.sprung.roll_inertia"
-    given = {"sprung.roll_inertia": "+- 55 %", "sprung.cog_height": "+- 21 %"}
-    separate = by_name(truck.lumped(), OneStage(uniform_payload=False, given=given))
-    assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
-
-
 def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
     """As a fraction of the prior, which `given` states; the random walk likewise. A number is a variance, SI."""
     names = ("tractor.front.cornering_stiffness", HEIGHT)
@@ -305,15 +223,6 @@ def test_estimates_are_within_the_range_of_a_vehicle_file(truck: Vehicle) -> Non
     assert (offset.lower, offset.upper) == pytest.approx((-0.12, 0.12))
 
 
-def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
-    """The fraction of engine and retarder is about a half, for all tyre laws."""
-    for tyres in ("linear", "saturating"):
-        brakes = by_name(truck, OneStage(tyres=tyres))["brakes.drive_axle"]
-        assert (brakes.centre, brakes.scale, brakes.lower, brakes.upper, brakes.per_log) == (0.5, 0.4, 0.0, 1.0, True)
-        assert brakes.is_uncertain
-    assert "brakes.drive_axle" not in by_name(truck, OneStage(given={"brakes.drive_axle": "exact"}))
-
-
 PRODUCT = "tractor.sprung.roll_yaw_product"
 
 
@@ -347,20 +256,3 @@ def test_what_is_reported_keeps_its_prior(truck: Vehicle) -> None:
     assert name not in by_name(truck, OneStage(reported=(name,), given={name: "exact"}))
     with pytest.raises(VehicleError, match=r"yaw_inerta: no such parameter.*yaw_inertia"):
         by_name(truck, OneStage(reported=("yaw_inerta",)))
-
-
-@pytest.mark.slow
-def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
-    """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
-    front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)
-    zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
-    stated = identify(
-        [record], truck.replace({PRODUCT: 0.0}), OneStage(given={PRODUCT: "+- 500 kg m^2"}, tyres="linear")
-    )
-    assert 0 < stated[PRODUCT].sigma <= 500.0
-    assert PRODUCT in stated.summary()
-    given = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact", front: "free"}
-    settings = OneStage(given=given, reported=(PRODUCT,), tyres="linear")
-    assert 0 < predict_sigmas([record], zero, settings)[PRODUCT].relative_sigma <= 1
-    few = DesignSettings(speeds=(24.0,), frequencies=(0.4,), accelerations=(1.0,), repetitions=(1, 4))
-    assert 0 < design_experiment(zero, {front: 0.1}, settings, planning=few).best.sigma[PRODUCT] <= 1

@@ -23,32 +23,25 @@ def unknowns(truck: Vehicle, tyres: str = "saturating") -> dict[str, Unknown]:
     return {u.name: u for u in one_stage_unknowns(steered, OUTPUTS, OneStage(tyres=tyres))}
 
 
-@pytest.mark.parametrize(
-    ("name", "path", "size"),
-    [
+def test_the_size_of_a_gross_error(truck: Vehicle) -> None:
+    """Of masses and of the logarithm of numbers above 0 as a fraction, of positions in m, else SI; the range is three
+    of them."""
+    for name, path, size in (
         ("mass_scale", "semitrailer.mass", 0.3),
         ("semitrailer.payload.mass", "semitrailer.sprung.mass", 0.3),  # which replaces the payload
         ("semitrailer.axle_positions", "semitrailer.rear.position", 0.6),  # the axle that moves most
         ("tractor.coupling", "fifth_wheel.leading_position", 0.4),
-        ("semitrailer.roll_stiffness", "semitrailer.roll_stiffness", 0.5),
         ("semitrailer.cornering_stiffness.variation", "semitrailer.cornering_stiffness", 0.3),
-        ("time_base", "time_base.scale", 0.03),
         (f"{STEER}.gain", f"{STEER}.gain", 0.4),
-        ("yaw_rate.tractor.delay", "yaw_rate.tractor.delay", 0.3),
-        ("lateral_acceleration.tractor.position", "lateral_acceleration.tractor.position", 1.5),
-    ],
-)
-def test_the_size_of_a_gross_error(truck: Vehicle, name: str, path: str, size: float) -> None:
-    """Of masses and of the logarithm of numbers above 0 as a fraction, of positions in m, else SI; the range is three
-    of them."""
-    unknown, error = unknowns(truck)[name], gross_error(unknowns(truck)[name])
-    assert error is not None
-    relative = path.endswith("mass") or name.endswith("variation")
-    change = unknown.scale * error.size * unknown.slopes[path] / (truck.parameters()[path] if relative else 1.0)
-    assert abs(change) == pytest.approx(size)
-    for sign in (-1, 1):
-        assert is_possible(unknown, sign * 2.99 * error.size)
-        assert not is_possible(unknown, sign * 3.01 * error.size)
+    ):
+        unknown = unknowns(truck)[name]
+        error = gross_error(unknown)
+        relative = path.endswith("mass") or name.endswith("variation")
+        change = unknown.scale * error.size * unknown.slopes[path] / (truck.parameters()[path] if relative else 1.0)
+        assert abs(change) == pytest.approx(size), name
+        for sign in (-1, 1):
+            assert is_possible(unknown, sign * 2.99 * error.size)
+            assert not is_possible(unknown, sign * 3.01 * error.size)
 
 
 def test_a_wide_prior_covers_what_a_truck_can_have(truck: Vehicle) -> None:
