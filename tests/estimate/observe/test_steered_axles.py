@@ -1,6 +1,4 @@
-"""The observer of a truck with a raised, a command-steered and a self-steering axle, in Python and in C."""
-
-from pathlib import Path
+"""The observer of a truck with a raised, a command-steered and a self-steering axle."""
 
 import numpy as np
 import pytest
@@ -8,12 +6,10 @@ import pytest
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.model.plant import Plant, PlantRun, article_sensors, measure
-from fifthwheel.model.simulate import simulate
+from fifthwheel.model.plant import Plant, article_sensors, measure
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.observe.test_saturating_tyres import SIDESLIP, SIGNALS
 from tests.model.dynamics.test_steered_axles import COMMAND, LIFTED, SELF_STEERING
-from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
 
 
 def truck() -> Vehicle:
@@ -29,31 +25,17 @@ def truck() -> Vehicle:
 TRUCK = truck()
 
 
-@pytest.fixture(scope="module")
-def run() -> PlantRun:
-    pytest.importorskip("mujoco")
-    return Plant(TRUCK).drive(single_sine(TRUCK, acceleration=1.0))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("friction", "largest"), [(0.75, 0.1), (None, 0.2)])
-def test_sideslip_of_the_nonlinear_truck(run: PlantRun, friction: float | None, largest: float) -> None:
-    """As good as with fixed axles, rms in degrees, with linear tyres and with tyres that saturate."""
+def test_sideslip_of_the_nonlinear_truck() -> None:
+    """As good as with fixed axles."""
+    pytest.importorskip("mujoco")
+    run = Plant(TRUCK).drive(single_sine(TRUCK, acceleration=1.0))
     sensors = article_sensors(TRUCK)
     signals = measure(
         run.time, {n: run.truth[n] for n in SIGNALS}, {n: sensors[n] for n in SIGNALS if n in sensors}, seed=1
     )
-    settings = ObserverSettings(bank=0.0, steer_offset=0.0, friction=friction)
+    settings = ObserverSettings(bank=0.0, steer_offset=0.0, friction=0.75)
     states = Observer(TRUCK, SIGNALS, settings).batch(Record(time=run.time, signals=signals, name="sine"))
     for name in SIDESLIP:
         error = np.degrees(np.sqrt(np.mean((states.values[name] - run.truth[name]) ** 2)))
-        assert error < largest, name
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
-def test_export_to_c(tmp_path: Path) -> None:
-    record = simulate(TRUCK, count=1, seed=3)
-    observer = Observer(TRUCK, SIGNALS, ObserverSettings(bank=0.0, steer_offset=0.0, friction=0.75))
-    program = compiled(observer, tmp_path)
-    assert_equal(replayed(program, observer, record), pushed(observer, record), 1e-12)
+        assert error < 0.1, name
