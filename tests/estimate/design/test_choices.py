@@ -1,28 +1,22 @@
 """How runs and remedies are chosen from predicted sigmas, and the parts of a prediction, each against a closed form."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.derived import article_gyro_variance, estimate_noise_variance
-from fifthwheel.estimate.design import AssessmentSettings, DesignSettings, Remedy, predict_sigmas
-from fifthwheel.estimate.design.assess import _noise_variances, _with_log_name
-from fifthwheel.estimate.design.experiment import _best_of_each_kind, _with_targets_estimated
+from fifthwheel.data.record.derived import article_gyro_variance
+from fifthwheel.estimate.design import DesignSettings
+from fifthwheel.estimate.design.experiment import _best_of_each_kind
 from fifthwheel.estimate.design.predict import (
     InformationPredictor,
     PredictedPosterior,
-    RunInformation,
-    combine_information,
 )
-from fifthwheel.estimate.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies, lane_change_information
+from fifthwheel.estimate.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies
 from fifthwheel.estimate.design.search import ProposedRun
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.one_stage.problem import Problem
-from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre
@@ -142,18 +136,6 @@ def test_what_could_be_known() -> None:
     assert remedies({"stiffness": 0.1}) == []
 
 
-def test_the_kind_of_a_remedy() -> None:
-    kinds = {"know": Remedy(known=("a",)), "log": Remedy(channel="b", drive=LANE_CHANGE), "drive": Remedy(drive=REPEAT)}
-    assert all(remedy.kind == kind for kind, remedy in kinds.items())
-
-
-def test_unknowns_of_a_log_have_its_name() -> None:
-    names = ["gain", "offset@1", "yaw_rate.tractor@0.2", "offset@1.0"]
-    assert [_with_log_name(name, ("first", "second")) for name in names] == [
-        "gain", "offset@second", "yaw_rate.tractor@first", "offset@second",
-    ]  # fmt: skip
-
-
 def test_correlated_unknowns() -> None:
     """A parameter that is not identifiable names at least the most limiting one, unless its channel is missing."""
     names = ("a", "b", "c")
@@ -179,44 +161,9 @@ def test_correlated_unknowns() -> None:
     assert of(strong, Verdict.NOT_IDENTIFIABLE, no_channel=frozenset({"a"})) == []
 
 
-def test_information_of_a_run_with_added_channels() -> None:
-    run = RunInformation(
-        names=("a", "o@0"), logged={"yaw": np.eye(2), "roll": 2 * np.eye(2)}, not_logged={"hitch": 4 * np.eye(2)}
-    )
-    np.testing.assert_array_equal(run.information(), 3 * np.eye(2))
-    np.testing.assert_array_equal(run.information(["hitch", "yaw"]), 7 * np.eye(2))
-    names, information = combine_information([run, run], added=["hitch"])
-    assert names == ("a", "o@0", "o@1")
-    np.testing.assert_array_equal(information, np.diag([14.0, 7.0, 7.0]))
-    assert combine_information([run, run], known=["o"])[0] == ("a",)
-
-
 @pytest.fixture(scope="module")
 def lanes(truck) -> Record:
     return simulate(truck, count=1, seed=4, name="lanes")
-
-
-@pytest.mark.slow
-def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
-    """That of the fit's own problem; a channel that is not logged would be measured with any of the others."""
-    yaw, roll, other = "yaw_rate.tractor", "roll_rate.semitrailer", "yaw_rate.semitrailer"
-    kept = {name: lanes.signals[name].copy() for name in ("speed", "steer.tractor.front", yaw, roll)}
-    kept[yaw][:300], kept[roll][100:500] = np.nan, np.nan
-    vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
-    predictor = InformationPredictor.of(vehicle, OneStage(given={"others": "exact"}), [20.0])
-    log = LogData(name="lanes", segments=[replace(lanes, signals=kept)], noise=dict(GYROS))
-    run = predictor.run_information(log)
-    assert run.logged.keys() == {yaw, roll}
-    gaps = lanes.signals[other].copy()
-    gaps[100:300] = np.nan
-    expected = Problem(
-        replace(predictor.setup, settings=replace(predictor.setup.settings, outlier=np.inf)),
-        [replace(log, segments=[replace(lanes, signals={**kept, other: gaps})])],
-    )
-    hessian = expected.expand(np.zeros(len(expected.names))).hessian - np.eye(len(expected.names))
-    order = [expected.names.index(name) for name in run.names]
-    scale = 1e-9 * np.abs(hessian).max()
-    assert run.information([other]) == pytest.approx(hessian[np.ix_(order, order)], rel=1e-9, abs=scale)
 
 
 def test_the_conditional_sigma_of_a_parameter(truck, lanes) -> None:
@@ -231,18 +178,6 @@ def test_the_conditional_sigma_of_a_parameter(truck, lanes) -> None:
         kept = [run.names.index(name), *nuisances]
         expected = np.linalg.inv(np.eye(len(kept)) + information[np.ix_(kept, kept)])[0, 0]
         assert predictor.posterior([run]).conditional_sigma(name) == pytest.approx(np.sqrt(expected), rel=1e-6)
-
-
-def test_information_of_a_lane_change_by_the_noise(truck, lanes) -> None:
-    vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
-    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
-    one, other = (
-        lane_change_information(predictor, speed=20.0, rate=100.0, noise=noise)
-        for noise in (GYROS, {name: 4 * variance for name, variance in GYROS.items()})
-    )
-    for name in GYROS:
-        np.testing.assert_allclose(other.logged[name], one.logged[name] / 4, rtol=1e-9)
-        assert one.logged[name].any()
 
 
 def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:
@@ -265,59 +200,3 @@ def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:
     started = predictor.start_vehicle.parameters()
     assert [started[name] / vehicle.parameters()[name] for name in axles] == pytest.approx([np.exp(0.2 * z)] * 2)
     assert InformationPredictor.of(vehicle, OneStage(), [5.0]).start == {}
-
-
-def test_the_noise_of_segments_is_weighted_by_their_length(truck) -> None:
-    name = "yaw_rate.tractor"
-    time, rng = np.arange(4000) / 100, np.random.default_rng(3)
-    segments = [
-        Record(time=time[:size], signals={name: sigma * rng.normal(size=size)})
-        for size, sigma in ((3000, 0.003), (1000, 0.009), (20, 0.5))
-    ]
-    setup = SimpleNamespace(outputs=(name, "roll_rate.tractor"), settings=OneStage(), vehicle=truck)
-    predictor = SimpleNamespace(setup=setup)
-    noise = _noise_variances(predictor, LogData(name="a", segments=segments))
-    single = [estimate_noise_variance(s.time, s.signals[name]) for s in segments]
-    assert single == [pytest.approx(0.003**2, rel=0.3), pytest.approx(0.009**2, rel=0.3), None]
-    assert noise == {name: pytest.approx(0.75 * single[0] + 0.25 * single[1])}
-    short = _noise_variances(predictor, LogData(name="a", segments=segments[2:]))
-    assert short == {name: GYROS[name]}
-
-
-@pytest.mark.parametrize("speed", [12.0, 20.0])
-def test_the_speed_of_the_lane_change_that_is_a_remedy(truck, speed: float) -> None:
-    """The median of the logs, but at least 15 m/s."""
-    record = simulate(truck, count=1, seed=1, speed=speed)
-    settings = OneStage(given={"truck": "exact", "tractor.front.cornering_stiffness": "free"})
-    assessment = predict_sigmas([record], truck, settings, AssessmentSettings(), checked=True)
-    assert assessment.speed == max(float(np.median(record.signals["speed"])), 15.0)
-
-
-def test_a_parameter_with_a_target_is_estimated(truck) -> None:
-    """With all others that the settings estimate."""
-    settings = OneStage(given={"tractor.front.cornering_stiffness": "exact"})
-    usual = estimated_parameters(truck, settings)
-    more = _with_targets_estimated(truck, {"tractor.yaw_inertia": 0.2, usual[0]: 0.1}, settings)
-    assert estimated_parameters(truck, more) == [*usual, "tractor.yaw_inertia"]
-    assert settings.given.items() < more.given.items()
-    assert _with_targets_estimated(truck, {usual[0]: 0.1}, settings) == settings
-
-
-def test_sizes_of_candidate_runs() -> None:
-    assert DesignSettings(max_acceleration=1.5).sizes == (0.5, 1.0, 1.5)
-    assert DesignSettings(max_acceleration=1.2).sizes == (0.5, 1.0, 1.2)
-    for speeds in ((5.0, 40.0), (20.0,)):
-        assert DesignSettings(speeds=speeds).speeds == speeds
-    for speeds in ((5.0 * BELOW, 20.0), (20.0, 40.0 * ABOVE)):
-        with pytest.raises(ValueError, match="expected road speeds of 18 to 144 km/h"):
-            DesignSettings(speeds=speeds)
-
-
-def test_a_highest_speed_is_tried_if_it_is_above_the_usual_ones() -> None:
-    usual = DesignSettings().speeds
-    assert DesignSettings().up_to(88 / 3.6).speeds == usual
-    assert DesignSettings().up_to(70 / 3.6).speeds == usual[:2]
-    assert DesignSettings().up_to(40 / 3.6).speeds == (40 / 3.6,)
-    assert DesignSettings().up_to(100 / 3.6).speeds == (*usual, 100 / 3.6)
-    with pytest.raises(ValueError, match="max_speed: expected road speeds of 18 to 144 km/h, got 150 km/h"):
-        DesignSettings().up_to(150 / 3.6)
