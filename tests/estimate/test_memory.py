@@ -12,7 +12,7 @@ from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.setup import Setup
-from fifthwheel.estimate.observe import Observer, Uncertainty
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 
@@ -42,7 +42,7 @@ def bytes_per_sample(work: Callable[[Record], object]) -> float:
 
 @pytest.mark.slow
 def test_states_need_little_more_than_themselves_and_smoothed_ones_than_both_passes() -> None:
-    observer = Observer(TRUCK, SHORT.signals)
+    observer = Observer(TRUCK, SHORT.signals, ObserverSettings(bank=0.0, steer_offset=0.0))
     of_states = len(observer.reported) * 16  # values and sigmas
     of_outputs = len(observer.outputs) * 17 + 9  # innovations, status
     of_inputs = len(observer.model.inputs) * 8

@@ -11,14 +11,11 @@ from fifthwheel.estimate.design import DesignSettings
 from fifthwheel.estimate.design.experiment import _best_of_each_kind
 from fifthwheel.estimate.design.predict import (
     InformationPredictor,
-    PredictedPosterior,
 )
 from fifthwheel.estimate.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies
 from fifthwheel.estimate.design.search import ProposedRun
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck.quantities import MASS_SCALE
@@ -49,13 +46,9 @@ def test_the_shortest_run_that_reaches_the_targets() -> None:
     assert chosen(hard, longer, missed, exact, gentle) == [gentle, exact]
     assert chosen(candidate("bend", 20.0 + 1e-5, 0.9, acceleration=0.1), hard)[0] is hard
     assert chosen(longer, candidate("bend", 40.0, 0.5, count=2)) == [longer]
-
-
-def test_the_shortest_run_near_the_best_if_none_reaches_the_targets() -> None:
-    """Within 1.05 of the smallest ratio; of equally long ones the nearest to the targets."""
+    # none reaches them: within 1.05 of the smallest ratio; of equally long ones the nearest to the targets
     best, short = candidate("bend", 30.0, 2.0), candidate("sweep", 10.0, 2.1)
-    far = candidate("random", 5.0, 2.1 * ABOVE)
-    near = candidate("random", 10.0, 2.05, acceleration=9.0)
+    far, near = candidate("random", 5.0, 2.1 * ABOVE), candidate("random", 10.0, 2.05, acceleration=9.0)
     assert chosen(best, short, far) == [short, best]
     assert chosen(best, short, far, near) == [near, short, best]
     assert chosen(best, short, near, near=1.01) == [best]
@@ -109,20 +102,13 @@ def test_remedies_of_each_kind() -> None:
     ]
     assert remedies(several, target=9.0) == [(None, LANE_CHANGE, 3.0), ("hitch", None, 4.0)]
     assert remedies({**several, "again": 0.2}, target=9.0)[0] == (None, REPEAT, 2.0)
-
-
-def test_two_changes_together() -> None:
-    """A lane change with a channel only if no single change suffices; two numbers if one misses the target."""
+    # a lane change with a channel only if no single change suffices; two numbers if one misses the target
     double = {"lane_change_roll": 0.3, "lane_change_hitch": 0.2}
     assert remedies(double) == [("hitch", LANE_CHANGE, 2.0)]
     assert remedies({**double, "again": 0.8}) == [(None, REPEAT, 8.0)]
     two = {"gain": 0.7, "gain_offset": 0.5, "offset": 0.75}
     assert remedies(two, target=7.0) == [("gain", None, None, 7.0)]
     assert remedies(two, target=7.0 * BELOW) == [("gain", None, None, 7.0), ("gain", "offset", None, None, 5.0)]
-    assert remedies({**two, "gain_offset": 0.7 * 0.8 * ABOVE}) == [("gain", None, None, 7.0)]
-    assert remedies({**two, "gain_offset": 0.7 * 0.8})[1][-1] == pytest.approx(5.6)
-    assert remedies({**two, "again": 0.1}, max_count=2) == [(None, REPEAT, 1.0), ("gain", None, None, 7.0)]
-    assert remedies({**two, "again": 0.6}, max_count=3)[2] == ("gain", "offset", None, None, 5.0)
 
 
 def test_what_could_be_known() -> None:
@@ -134,31 +120,6 @@ def test_what_could_be_known() -> None:
     assert [remedy.channel for remedy, _ in made.double] == ["roll", "hitch"]
     assert remedies({"weighed_tractor_trailer": 0.5}) == [(MASS_SCALE, None, None, 5.0)]
     assert remedies({"stiffness": 0.1}) == []
-
-
-def test_correlated_unknowns() -> None:
-    """A parameter that is not identifiable names at least the most limiting one, unless its channel is missing."""
-    names = ("a", "b", "c")
-    strong, weak = np.full((3, 3), 0.9), np.array([[1.0, 0.3, 0.5], [0.3, 1.0, 0.0], [0.5, 0.0, 1.0]])
-    np.fill_diagonal(strong, 1.0)
-
-    def of(covariance: np.ndarray, verdict: Verdict | None, **others: frozenset) -> list[str]:
-        made = PredictedPosterior(
-            names=names,
-            information=np.eye(3),
-            covariance=covariance,
-            not_identified={"a": verdict} if verdict else {},
-            no_channel=others.get("no_channel", frozenset()),
-        )
-        assert made.verdict("a") is (verdict or Verdict.CONVERGED)
-        return made.correlated_with("a")
-
-    assert of(weak, None) == []
-    assert of(strong, None) == ["b", "c"]
-    assert of(strong, Verdict.NOT_IDENTIFIABLE) == ["b", "c"]
-    assert of(weak, Verdict.NOT_IDENTIFIABLE) == ["c"]
-    assert of(weak, Verdict.NOT_EXCITED) == []
-    assert of(strong, Verdict.NOT_IDENTIFIABLE, no_channel=frozenset({"a"})) == []
 
 
 @pytest.fixture(scope="module")
@@ -178,25 +139,3 @@ def test_the_conditional_sigma_of_a_parameter(truck, lanes) -> None:
         kept = [run.names.index(name), *nuisances]
         expected = np.linalg.inv(np.eye(len(kept)) + information[np.ix_(kept, kept)])[0, 0]
         assert predictor.posterior([run]).conditional_sigma(name) == pytest.approx(np.sqrt(expected), rel=1e-6)
-
-
-def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:
-    """Stiffer axles behind the first, in steps of half a prior sigma, until it is stable at every speed."""
-    vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
-    vehicle = vehicle.replace({"tractor.drive.cornering_stiffness": 3e5})
-    axles = ["tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness"]
-    settings = OneStage(given={"cornering_stiffness": "+- 20 %", "yaw_inertia": "+- 20 %"})
-    predictor = InformationPredictor.of(vehicle, settings, [10.0, 20.0])
-    assert list(predictor.start) == axles
-    (z,) = set(predictor.start.values())
-    assert z % 0.5 == 0
-
-    def stiffer(z: float) -> bool:
-        values = {name: np.exp(0.2 * z) * vehicle.parameters()[name] for name in axles}
-        return all(dynamics.is_stable(vehicle.replace(values), speed) for speed in (10.0, 20.0))
-
-    assert stiffer(z)
-    assert not stiffer(z - 0.5)
-    started = predictor.start_vehicle.parameters()
-    assert [started[name] / vehicle.parameters()[name] for name in axles] == pytest.approx([np.exp(0.2 * z)] * 2)
-    assert InformationPredictor.of(vehicle, OneStage(), [5.0]).start == {}

@@ -9,7 +9,6 @@ from scipy.optimize import minimize, rosen
 from fifthwheel.estimate.filters.noise_model import (
     FEWEST_SAMPLES,
     NoiseModel,
-    _periodogram,
     autocorrelation_factor,
     fit_noise_model,
     long_run_covariance,
@@ -98,18 +97,6 @@ def test_the_fit_of_white_noise_of_few_samples_and_in_another_unit() -> None:
     assert scaled.white == pytest.approx(1e-6 * fit.white, rel=0.02)
     assert scaled.discrepancy == pytest.approx(1e-6 * fit.discrepancy, rel=0.02)
     assert scaled.time_constant == pytest.approx(fit.time_constant, rel=0.02)
-
-
-@pytest.mark.parametrize("count", [200, 201])
-def test_the_periodogram_has_the_variance_of_the_segment(count: int) -> None:
-    """Parseval's theorem, for even and odd numbers of samples; a cosine is at its own frequency."""
-    values = 3.0 + np.random.default_rng(3).normal(size=count)
-    frequency, density = _periodogram(values, DT)
-    assert density.sum() / (count * DT) == pytest.approx(np.var(values), rel=1e-12)
-    assert frequency == pytest.approx(np.arange(1, count // 2 + 1) / (count * DT))
-    _, density = _periodogram(np.cos(2 * np.pi * frequency[6] * DT * np.arange(count)), DT)
-    assert density[6] / (count * DT) == pytest.approx(0.5)
-    assert np.delete(density, 6).max() < 1e-12
 
 
 @pytest.mark.parametrize("lags", [1, 2, 7, 40])

@@ -171,12 +171,6 @@ def test_uncertainty_of_one_log():
         np.testing.assert_array_equal(observer().batch(LANE_CHANGES, u).sigma[name], sigma)
 
 
-def test_the_covariance_as_a_frame():
-    frame = Uncertainty(names=("tractor.mass", OFFSET), covariance=[[4.0, -0.1], [-0.1, 1.0]]).to_pandas()
-    assert frame.loc["tractor.mass", OFFSET] == frame.loc[OFFSET, "tractor.mass"] == -0.1
-    assert frame.loc["tractor.mass", "tractor.mass"] == 4.0
-
-
 def test_json_round_trip():
     data = json.loads(json.dumps(TYRES_AND_OFFSET.as_dict()))
     restored = Uncertainty.from_dict(data)

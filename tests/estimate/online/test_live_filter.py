@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.filters.step_rows import play_contact
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.online import LearnerSettings
 from fifthwheel.estimate.online.live_filter import InnovationStatistics, LiveFilter
 from fifthwheel.estimate.online.online_model import Excitation, PlayContacts, online_setup
-from fifthwheel.model import dynamics
 from fifthwheel.truck import Vehicle
 from tests.estimate.online.conftest import FIVE
 
@@ -83,21 +81,6 @@ def test_nothing_is_learned_beyond_the_linear_range(truck: Vehicle) -> None:
         answers = excited(excitation, 0.8, mean=mean)
         assert answers[-200:].all() == on == answers[-200:].any()
     assert excited(Excitation(truck, 1, settings, tyres="saturating"), 0.8, mean=5.0)[-200:].all()
-
-
-def test_the_understeer_gradient_is_that_of_a_steady_turn(truck: Vehicle) -> None:
-    """By the steady state from which filters start: yaw rate = u d / (L + K u^2), at 20 m/s."""
-    values = truck.parameters()
-    excitation = Excitation(truck, 1, LearnerSettings())
-    inputs = dict.fromkeys(truck.steer_signals(), 0.0) | {"speed": 20.0, "steer.tractor.front": 0.01}
-    x, _ = steady_initial_state(truck, inputs, {}, roll=False)
-    yaw_rate = x[dynamics.matrices(truck, 20.0, roll=False).states.index("yaw_rate.tractor")]
-    assert yaw_rate == pytest.approx(20 * 0.01 / (truck.wheelbase + excitation.understeer * 400))
-    assert excitation.wheelbase == truck.wheelbase
-    softer = {n: 0.5 * v for n, v in values.items() if n == "tractor.front.cornering_stiffness"}
-    assert Excitation(truck.replace(softer), 1, LearnerSettings()).understeer > excitation.understeer
-    oversteering = {n: 0.2 * v for n, v in values.items() if n == "tractor.drive.cornering_stiffness"}
-    assert Excitation(truck.replace(oversteering), 1, LearnerSettings()).understeer == 0.0
 
 
 def test_the_steering_equals_that_of_a_record() -> None:

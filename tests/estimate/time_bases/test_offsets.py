@@ -16,7 +16,6 @@ from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.time_bases.examples import (
     ANGLE,
-    ROLL,
     ROLL2,
     SOURCES,
     STEER,
@@ -186,22 +185,6 @@ def test_sigma_contains_noise_and_the_spread_of_the_vehicle():
     assert found[YAW2].sigma == pytest.approx(np.sqrt(alone[0] ** 2 + alone[1] ** 2 + 0.015**2))
 
 
-def test_a_variant_counts_by_what_it_explains():
-    """Weight exp(2 (m0 - m)) with m the mean logarithm of the unexplained fractions."""
-    measured = late({YAW: 0.0, YAW2: 0.0})
-    worse = {YAW: SOURCES[YAW], YAW2: shifted(SOURCES[YAW2], 0.4) + 0.15 * WHITE[ROLL]}
-    variants = [{YAW: SOURCES[YAW], YAW2: SOURCES[YAW2]}, worse]
-    misfit = []
-    for variant in variants:
-        curves = [lag_curve(measured[name], variant[name]) for name in measured]
-        misfit.append(np.mean([np.log(1 - c.explained_at(c.best()[0])) for c in curves]))
-    second = np.exp(2 * (misfit[0] - misfit[1]))
-    record = Record(time=TIME, signals=measured)
-    found = {o.name: o for o in offsets_of(record, prediction_of(measured, variants))}
-    assert found[YAW2].offset == pytest.approx(-0.4 * second / (1 + second), abs=0.01)
-    assert 0.02 < second < 0.5
-
-
 @pytest.mark.parametrize(
     ("lags", "expected"),
     [
@@ -226,12 +209,6 @@ def test_which_of_steer_angle_and_yaw_rate_is_late(lags, expected):
     assert {name: offset.offset for name, offset in found.items()} == {
         name: pytest.approx(value, abs=0.01) for name, value in expected.items()
     }
-
-
-def test_a_yaw_rate_of_another_time_base_may_be_early():
-    lags = {YAW: -0.5, YAW2: -0.5, ROLL2: -0.5}
-    assert STEER in offsets(lags, time_bases=dict.fromkeys((STEER, *lags), "bus"))
-    assert YAW in offsets(lags, time_bases=dict.fromkeys(lags, "bus"))
 
 
 @pytest.mark.parametrize(("explained", "used"), [(0.25, False), (0.35, True)])

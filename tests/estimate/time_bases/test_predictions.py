@@ -102,14 +102,6 @@ def test_measured_channels_on_the_grid():
     assert np.isfinite(prediction.predicted[0, np.abs(prediction.time - 6.0) < 1.3, i]).all()
 
 
-def test_a_record_that_starts_later_has_the_same_channels():
-    prediction = predict_channels(RECORD, TRUCK)
-    later = predict_channels(replace(RECORD, time=RECORD.time + 100.0), TRUCK)
-    np.testing.assert_allclose(later.time, prediction.time + 100.0)
-    np.testing.assert_allclose(later.measured, prediction.measured, atol=1e-9)
-    np.testing.assert_allclose(later.predicted, prediction.predicted, atol=1e-9)
-
-
 def test_a_wheel_speed_difference_needs_the_model_with_roll():
     name = "wheel_speed_difference.semitrailer"
     record = simulate(TRUCK, count=1, sensors={"yaw_rate.tractor": 1.5e-5, name: 1e-6})
