@@ -59,40 +59,46 @@ def sigmas(assessment: InformationAssessment) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("quantities", "settings"), [((), OneStage()), (("roll_rate",), EXACT)], ids=["all", "no roll rates"]
-)
-def test_a_fit_gives_the_predicted_result(truck, record, quantities, settings):
-    """Sigma, verdict and correlated unknowns; the fit estimates the noise, and linearises at its own estimate."""
-    log = without(record, *quantities)
-    before = predict_sigmas([log], truck, settings)
-    after = identify([log], truck, settings)
+def test_a_fit_gives_the_predicted_result(truck, record):
+    """Sigma and verdict, also of a height that the user knows better than the log; the fit estimates the noise, and
+    linearises at its own estimate."""
+    known = truck.with_stated({HEIGHT: 0.02})
+    before, after = predict_sigmas([record], known), identify([record], known)
     for predicted in before.parameters:
         estimate = after[predicted.name]
         assert (predicted.verdict, predicted.unit) == (estimate.verdict, estimate.unit)
         assert predicted.prior == pytest.approx(estimate.prior)
         assert predicted.sigma == pytest.approx(estimate.sigma, rel=0.2)
         assert set(predicted.correlated_with[:1]) <= set(estimate.correlated_with)
+    height = before[HEIGHT]
+    assert (height.verdict, height.prior) == (Verdict.STATED, pytest.approx(0.02))
+    assert 0.01 < height.sigma < 0.02
 
 
 @pytest.mark.slow
 def test_information_is_that_of_the_problem(truck, record):
-    """The sum over channels and segments without Huber's weights; a missing channel contributes nothing."""
-    vehicle = truck.with_logged_steering(record.signals, record.name)
-    log = LogData(
-        name="lanes",
-        segments=[record.cut(0, 7), record.cut(8, 15)],
-        noise=article_gyro_variance(["tractor", "semitrailer"]),
-    )
-    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
-    names, information = combine_information([predictor.run_information(log)])
+    """The sum over channels and segments without Huber's weights; one that is not logged would be measured with any of
+    the others."""
+    yaw, roll, other, added = "yaw_rate.tractor", "roll_rate.semitrailer", "yaw_rate.semitrailer", record.signals
+    kept = {name: record.signals[name].copy() for name in ("speed", "steer.tractor.front", yaw, roll)}
+    kept[yaw][:300], kept[roll][100:500] = np.nan, np.nan
+    gaps = added[other].copy()
+    gaps[100:300] = np.nan
+    predictor = InformationPredictor.of(truck.with_logged_steering(added, "lanes"), OneStage(), [20.0])
+
+    def log(signals: dict[str, np.ndarray]) -> LogData:
+        segments = [replace(record, signals=signals).cut(*part) for part in ((0, 7), (8, 15))]
+        return LogData(name="lanes", segments=segments, noise=article_gyro_variance(["tractor", "semitrailer"]))
+
+    run = predictor.run_information(log(kept))
+    assert run.logged.keys() == {yaw, roll}
     settings = replace(predictor.setup.settings, outlier=np.inf)
-    problem = Problem(replace(predictor.setup, settings=settings), [log])
+    problem = Problem(replace(predictor.setup, settings=settings), [log({**kept, other: gaps})])
     expected = problem.expand(np.zeros(len(problem.names))).hessian - np.eye(len(problem.names))
-    order = [problem.names.index(name) for name in names]
-    assert information == pytest.approx(expected[np.ix_(order, order)], rel=1e-9, abs=1e-9 * np.abs(expected).max())
-    not_logged = names.index("articulation.semitrailer.offset@0")
-    assert not information[not_logged].any()
+    order = [problem.names.index(name) for name in run.names]
+    scale = 1e-9 * np.abs(expected).max()
+    assert run.information([other]) == pytest.approx(expected[np.ix_(order, order)], rel=1e-9, abs=scale)
+    assert not run.information()[run.names.index("articulation.semitrailer.offset@0")].any()
 
 
 def test_every_run_has_its_own_sensor_errors_and_initial_states(truck, record):
@@ -125,10 +131,18 @@ def test_a_roll_test_helps_as_predicted(truck, record, assessment):
     after = predict_sigmas([record], truck.with_stated(stated))[HEIGHT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
     assert remedy.sigma < (1 - AssessmentSettings().min_reduction) * assessment[HEIGHT].sigma
+    assert not assessment.sensors, "a complete log needs no other sensor"
+    content = json.loads(assessment.to_json())
+    assert [p["name"] for p in content["parameters"]] == [p.name for p in assessment.parameters]
+    assert content["parameters"][-1]["remedies"][0]["roll_test"] == "semitrailer"
+    assert content["logs"] == ["lanes"]
+    with pytest.raises(KeyError):
+        assessment["tractor.mass"]
 
 
 @pytest.mark.slow
 def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
+    """Alone and with another one."""
     one, two = (r for r in predict_sigmas([record], truck, None, KEEN)[HEIGHT].remedies if r.kind == "know")
     assert one.known == two.known[:1] == ("semitrailer.roll_stiffness",)
     for remedy in (one, two):
@@ -136,22 +150,27 @@ def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
         assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
         assert remedy.sigma < 0.9 * assessment[HEIGHT].sigma
     assert two.sigma < 0.9 * one.sigma
-    uncertain = OneStage(given={"others": "exact", "relaxation_length": "+- 50 %"})
-    remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[FRONT])
-    known = uncertain.given | dict.fromkeys(remedy.known, "exact")
-    after = predict_sigmas([record], truck, replace(uncertain, given=known))[FRONT]
-    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+
+
+POSITIONS, PLAY = "semitrailer.*.position", "steer.tractor.front.play"
+BUT_PLAY = ("truck", "time_base", "*_rate.*.gain", "*_rate.*.delay", "misalignment", "steer.*.gain", "steer.*.delay")
 
 
 @pytest.mark.slow
-def test_stating_exact_axle_positions_helps_as_predicted(truck, record):
-    """Where nothing else of the vehicle file is uncertain."""
-    positions = "semitrailer.*.position"
-    uncertain = replace(EXACT, given={**EXACT.given, positions: "+- 3 cm"})
-    remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[INERTIA])
-    assert remedy.known == ("semitrailer.axle_positions",)
-    known = replace(EXACT, given={**EXACT.given, positions: "exact"})
-    assert remedy.sigma == pytest.approx(predict_sigmas([record], truck, known)[INERTIA].sigma, rel=1e-6)
+@pytest.mark.parametrize(
+    ("parameter", "given", "name", "sigma", "known"),
+    [
+        (INERTIA, EXACT.given, POSITIONS, "+- 3 cm", "semitrailer.axle_positions"),
+        (FRONT, {**dict.fromkeys(BUT_PLAY, "exact"), FRONT: "free"}, PLAY, "+- 0.05 rad", PLAY),
+    ],
+    ids=["axle positions", "play of the steering"],
+)
+def test_stating_it_exactly_helps_as_predicted(truck, record, parameter, given, name, sigma, known):
+    """Where nothing else limits the estimate. All positions are one remedy."""
+    uncertain, exact = (OneStage(given={**given, name: text}, tyres="linear") for text in (sigma, "exact"))
+    remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[parameter])
+    assert remedy.known == (known,)
+    assert remedy.sigma == pytest.approx(predict_sigmas([record], truck, exact)[parameter].sigma, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -168,16 +187,14 @@ def test_stating_exact_masses_helps_as_predicted(truck, record):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "sigma"), [("gain", "+- 15 %"), ("play", "+- 0.05 rad")])
-def test_knowing_a_sensor_error_helps_as_predicted(truck, record, kind, sigma):
-    """Play or gain of the steering, where no other error limits the estimate."""
-    name = f"steer.tractor.front.{kind}"
-    exact = ("truck", "time_base", "*_rate.*.gain", "*_rate.*.delay", "misalignment", "steer.*.gain", "steer.*.delay")
-    given = {**dict.fromkeys(exact, "exact"), FRONT: "free", name: sigma}
-    remedy = first_known(predict_sigmas([record], truck, OneStage(given=given), KEEN)[FRONT])
-    assert remedy.known == (name,)
-    after = predict_sigmas([record], truck, OneStage(given={**given, name: "exact"}))[FRONT]
-    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+def test_the_same_run_again_helps_as_predicted(truck):
+    """A sweep contains more information than a lane change, so another sweep is the best run to add."""
+    one, other = (simulate(truck, manoeuvre="sweep", seed=seed, name=str(seed)) for seed in (1, 2))
+    both = predict_sigmas([one, other], truck)
+    for parameter in predict_sigmas([one], truck, None, AssessmentSettings(enough=1e-6)).parameters:
+        for again in (remedy for remedy in parameter.remedies if remedy.kind == "drive"):
+            assert again.drive == REPEAT
+            assert again.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
 
 
 def test_one_more_lane_change_helps_as_predicted(truck):
@@ -188,17 +205,6 @@ def test_one_more_lane_change_helps_as_predicted(truck):
         assert (remedy.drive, remedy.known, remedy.channel) == (LANE_CHANGE, (), None)
         assert both[parameter.name].verdict is Verdict.CONVERGED
         assert remedy.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
-
-
-@pytest.mark.slow
-def test_the_same_run_again_helps_as_predicted(truck):
-    """A sweep contains more information than a lane change, so another sweep is the best run to add."""
-    one, other = (simulate(truck, manoeuvre="sweep", seed=seed, name=str(seed)) for seed in (1, 2))
-    both = predict_sigmas([one, other], truck, EXACT)
-    for parameter in predict_sigmas([one], truck, EXACT, AssessmentSettings(enough=1e-6)).parameters:
-        (again,) = [remedy for remedy in parameter.remedies if remedy.kind == "drive"]
-        assert again.drive == REPEAT
-        assert again.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
 
 
 def test_one_more_channel_helps_as_predicted(truck, record):
@@ -235,14 +241,14 @@ def test_a_straight_run_contains_no_information(truck):
 def test_settings_of_the_assessment(truck, record, assessment):
     wide = {p.name for p in assessment.parameters if p.sigma > 0.05 * p.value}
     assert {p.name for p in assessment.parameters if p.remedies} <= wide
-
-    def assess(**settings: float) -> InformationAssessment:
-        return predict_sigmas([record], truck, None, AssessmentSettings(**settings))
-
-    assert {p.name for p in assess(min_reduction=0.01).parameters if p.remedies} == wide
-    assert not any(p.remedies for p in assess(enough=1.0).parameters)
-    assert not any(p.remedies for p in assess(min_reduction=0.99).parameters)
-    assert len(assess(max_remedies=1)[HEIGHT].remedies) == 1
+    for settings, expected in (
+        ({"min_reduction": 0.01}, wide),
+        ({"enough": 1.0}, set()),
+        ({"min_reduction": 0.99}, set()),
+    ):
+        found = predict_sigmas([record], truck, None, AssessmentSettings(**settings))
+        assert {p.name for p in found.parameters if p.remedies} == expected
+    assert len(predict_sigmas([record], truck, None, AssessmentSettings(max_remedies=1))[HEIGHT].remedies) == 1
     for p in assessment.parameters:
         assert p.conditional_sigma < p.sigma < p.prior
 
@@ -278,57 +284,6 @@ def test_faults_of_a_log_are_listed(truck, record):
 
 
 @pytest.mark.slow
-def test_the_noise_is_estimated_from_the_logs(truck, record):
-    gyros = article_gyro_variance(["tractor", "semitrailer"])
-    loud = simulate(truck, count=4, sensors={name: 4 * v for name, v in gyros.items()})
-    noiseless = simulate(truck, count=4, sensors=dict.fromkeys(gyros, 0.0))
-    estimated = predict_sigmas([loud], truck).noise["simulated"]
-    lower_limit = predict_sigmas([noiseless], truck).noise["simulated"]
-    for name, variance in gyros.items():
-        assert estimated[name] == pytest.approx(4 * variance, rel=0.3)
-        assert lower_limit[name] == pytest.approx(variance / 10)
-    known = OneStage(adapt_noise=False, noise={"yaw_rate.tractor": 1e-5})
-    assert predict_sigmas([loud], truck, known).noise["simulated"] == {**gyros, "yaw_rate.tractor": 1e-5}
-    empty = record.with_signals({"roll_rate.tractor": np.full(len(record), np.nan)})
-    assert "roll_rate.tractor" not in predict_sigmas([empty], truck).noise["lanes"]
-
-
-@pytest.mark.slow
-def test_estimated_and_fixed_parameters(truck, record):
-    known = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact"}
-    free = {"tractor.yaw_inertia": "free"}
-    assessment = predict_sigmas([record], truck, OneStage(given=known | free))
-    assert [p.name for p in assessment.parameters] == ["tractor.yaw_inertia"]
-    assert any("cornering_stiffness" in note for note in assessment.notes)
-    separate = predict_sigmas([record], truck, replace(EXACT, uniform_payload=False))
-    assert separate["semitrailer.sprung.cog_height"].value == pytest.approx(truck.derived()["semitrailer.cog_height"])
-    with pytest.raises(VehicleError, match="given: every parameter is exact"):
-        predict_sigmas([record], truck, OneStage(given=known))
-    with pytest.raises(VehicleError, match="no such parameter"):
-        predict_sigmas([record], truck, OneStage(given={"tractor.colour": "exact"}))
-
-
-def test_json(assessment):
-    content = json.loads(assessment.to_json())
-    assert [p["name"] for p in content["parameters"]] == [p.name for p in assessment.parameters]
-    (remedy,) = content["parameters"][-1]["remedies"]
-    assert (remedy["roll_test"], remedy["known"]) == ("semitrailer", [])
-    assert content["logs"] == ["lanes"]
-    with pytest.raises(KeyError):
-        assessment["tractor.mass"]
-
-
-@pytest.mark.slow
-def test_a_height_that_the_user_knows_better_than_the_log_is_stated(truck, record):
-    """As the verdict of the identification."""
-    known = truck.with_stated({HEIGHT: 0.02})
-    assert identify([record], known)[HEIGHT].verdict is Verdict.STATED
-    assessment = predict_sigmas([record], known)[HEIGHT]
-    assert (assessment.verdict, assessment.prior) == (Verdict.STATED, pytest.approx(0.02))
-    assert 0.01 < assessment.sigma < 0.02
-
-
-@pytest.mark.slow
 def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
     """The noise of an imagined channel is the default, that of a logged one is estimated: 3 % of the sigma."""
     tractor = {name: values for name, values in record.signals.items() if not name.endswith(".semitrailer")}
@@ -348,45 +303,52 @@ def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
     assert "wheel speed" in page
 
 
-def test_a_complete_log_needs_no_other_sensor(assessment):
-    assert not assessment.sensors
+@pytest.mark.slow
+def test_the_noise_is_estimated_from_the_logs(truck):
+    """At least a tenth of the default; not with `adapt_noise=False`."""
+    gyros = article_gyro_variance(["tractor", "semitrailer"])
+    loud, noiseless = (simulate(truck, count=2, sensors={n: k * v for n, v in gyros.items()}) for k in (4, 0))
+    estimated, lower_limit = (predict_sigmas([log], truck).noise["simulated"] for log in (loud, noiseless))
+    for name, variance in gyros.items():
+        assert estimated[name] == pytest.approx(4 * variance, rel=0.3)
+        assert lower_limit[name] == pytest.approx(variance / 10)
+    known = OneStage(adapt_noise=False, noise={"yaw_rate.tractor": 1e-5})
+    assert predict_sigmas([loud], truck, known).noise["simulated"] == {**gyros, "yaw_rate.tractor": 1e-5}
 
 
-def test_a_number_that_may_be_zero_has_its_sigma_in_its_unit(truck: Vehicle) -> None:
-    """A fraction of 0 is nothing, and one of a coordinate depends on the origin."""
-    name, log = "semitrailer.sprung.roll_yaw_product", simulate(truck, count=1, seed=3)
-    settings = OneStage(given={name: "+- 500 kg m^2"}, reported=(name,), tyres="linear")
-    outlook = predict_sigmas([log], truck.replace({name: 0.0}), settings)
-    assert "±500 kg m²" in str(information_document(outlook))
+def test_settings_without_a_parameter_to_estimate_are_refused(truck, record):
+    known = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact"}
+    with pytest.raises(VehicleError, match="given: every parameter is exact"):
+        predict_sigmas([record], truck, OneStage(given=known))
+    with pytest.raises(VehicleError, match="no such parameter"):
+        predict_sigmas([record], truck, OneStage(given={"tractor.colour": "exact"}))
+
+
+STATED = [
+    ("semitrailer.mass", "33.4 t +- 0.5 %", 167.0, "kg"),
+    ("semitrailer.wheelbase", "8 m +- 2 cm", 0.02, "m"),
+    ("semitrailer.sprung.roll_yaw_product", "+- 500 kg m^2", 500.0, "kg m^2"),
+    ("semitrailer.roll_stiffness", "+- 5 %", 0.05 * 2.7e6, "N m/rad"),
+    ("steer.tractor.front.delay", "+- 5 ms", 0.005, "s"),
+    ("time_base", "+- 0.1 %", 0.001, "1"),
+    ("time_base.main.delay", "+- 5 ms", 0.005, "s"),
+    ("road.bank", "+- 1 deg", np.deg2rad(1.0), "rad"),
+    ("brakes.drive_axle", "+- 0.2", 0.2, "1"),
+    ("discrepancy", "+- 0.02", 0.02, "1"),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "text", "sigma", "unit"),
-    [
-        ("semitrailer.mass", "33.4 t +- 0.5 %", 167.0, "kg"),
-        ("semitrailer.wheelbase", "8 m +- 2 cm", 0.02, "m"),
-        ("semitrailer.sprung.roll_yaw_product", "+- 500 kg m^2", 500.0, "kg m^2"),
-        ("semitrailer.roll_stiffness", "+- 5 %", 0.05 * 2.7e6, "N m/rad"),
-        ("steer.tractor.front.delay", "+- 5 ms", 0.005, "s"),
-        ("time_base", "+- 0.1 %", 0.001, "1"),
-        ("time_base.main.delay", "+- 5 ms", 0.005, "s"),
-        ("road.bank", "+- 1 deg", np.deg2rad(1.0), "rad"),
-        ("brakes.drive_axle", "+- 0.2", 0.2, "1"),
-        ("discrepancy", "+- 0.02", 0.02, "1"),
-    ],
-)
-def test_a_number_that_is_stated_is_listed(
-    truck: Vehicle, record: Record, name: str, text: str, sigma: float, unit: str
-) -> None:
-    outlook = predict_sigmas([record], truck, OneStage(given={name: text}, tyres="linear"), checked=True)
-    found = outlook[name]
-    assert (found.prior, found.unit, found.verdict) == (pytest.approx(sigma), unit, Verdict.STATED)
-    assert 0 < found.sigma <= found.prior * (1 + 1e-9)
-    assert spoken(name) in str(information_document(outlook))
-
-
-def test_a_statement_on_tyres_that_the_prediction_does_not_have_is_noted(truck: Vehicle, record: Record) -> None:
-    settings = OneStage(given={"road.friction": "0.6 +- 5 %"}, tyres="saturating")
+def test_numbers_that_are_stated_are_listed(truck: Vehicle, record: Record) -> None:
+    """A fraction of a number that is 0 is nothing: its sigma is in its unit. The tyres of the prediction are linear."""
+    given = {name: text for name, text, _, _ in STATED} | {"road.friction": "0.6 +- 5 %"}
+    outlook = predict_sigmas([record], truck, OneStage(given=given, tyres="saturating"), checked=True)
+    page = str(information_document(outlook))
+    assert "±500 kg m²" in page
+    for name, _, sigma, unit in STATED:
+        found = outlook[name]
+        assert (found.prior, found.unit, found.verdict) == (pytest.approx(sigma), unit, Verdict.STATED), name
+        assert 0 < found.sigma <= found.prior * (1 + 1e-9)
+        assert spoken(name) in page
     note = "road.friction=0.6 +- 5 %: not used, because the tyres of the prediction are linear."
-    assert note in predict_sigmas([record], truck, settings, checked=True).notes
+    assert note in outlook.notes

@@ -1,19 +1,12 @@
 """The noise of an uneven road: limits of its spectra, and predicted sigmas against identified ones."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
 
-import fifthwheel as fw
-from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.design import DesignSettings, design_experiment
-from fifthwheel.estimate.design.predict import InformationPredictor
-from fifthwheel.estimate.design.road_noise import ROUGHNESS, TRACK, road_density, road_noise, road_roll_density
-from fifthwheel.estimate.identify import OneStage, identify
-from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.model.plant import Sensor, measure
+from fifthwheel.estimate.design.road_noise import ROUGHNESS, TRACK, road_density, road_roll_density
+from fifthwheel.estimate.identify import OneStage
 from fifthwheel.truck import Vehicle
 
 SPEED, STEER, ROLL_RATE = "speed", "steer.tractor.front", "roll_rate.semitrailer"
@@ -58,44 +51,3 @@ def test_a_design_counts_the_road(truck: Vehicle) -> None:
         for roughness in (0.0, ROUGHNESS, 4 * ROUGHNESS)
     ]
     assert 1.1 * sigmas[0] < sigmas[1] < 0.9 * sigmas[2]
-
-
-def noise(density: np.ndarray, n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Noise (n,) with a one-sided density at the frequencies of an FFT."""
-    amplitude = np.sqrt(density * n / (2 * dt))
-    phasors = (rng.normal(size=len(density)) + 1j * rng.normal(size=len(density))) / np.sqrt(2)
-    phasors[0] = 0.0
-    return np.fft.irfft(amplitude * phasors, n)
-
-
-def on_the_road(truth: Mapping[str, np.ndarray], time: np.ndarray, truck: Vehicle, seed: int) -> Record:
-    """A log with the noise of the road and of the sensors."""
-    n, dt, rng = len(time), time[1] - time[0], np.random.default_rng(seed)
-    frequency = np.maximum(np.fft.rfftfreq(n, dt), 0.5 / (n * dt))
-    measured = {name: truth[name] for name in (SPEED, STEER)}
-    for name in GYROS:
-        measured[name] = truth[name] + noise(road_density(truck, name, truth[SPEED].mean(), frequency), n, dt, rng)
-    sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
-    return Record(time=time, signals=measure(time, measured, sensors, seed=seed), name="log")
-
-
-def sigma_ratios(truth: Mapping[str, np.ndarray], time: np.ndarray, truck: Vehicle, seeds: int) -> dict[str, float]:
-    """Predicted over identified sigma of each parameter."""
-    records = [on_the_road(truth, time, truck, seed) for seed in range(seeds)]
-    results = [identify([record], truck) for record in records]
-    speed = float(truth[SPEED].mean())
-    predictor = InformationPredictor.of(truck.with_logged_steering([STEER], "log"), OneStage(), [speed])
-    models = road_noise(truck, speed, 100.0, GYROS)
-    log = LogData(name="log", segments=[records[0]], noise=dict(GYROS), noise_models=models)
-    posterior = predictor.posterior([predictor.run_information(log, list(GYROS))])
-    return {
-        name: posterior.sigma_of(name) * predictor.prior_sigma(name) / float(np.mean([r[name].sigma for r in results]))
-        for name in predictor.setup.estimated
-    }
-
-
-@pytest.mark.slow
-def test_predicted_sigmas_are_those_of_logs_with_road_noise(truck: Vehicle) -> None:
-    record = fw.simulate(truck, count=1, sensors=dict.fromkeys(GYROS, 1e-12))
-    ratios = sigma_ratios(record.signals, record.time, truck, seeds=2)
-    assert list(ratios.values()) == pytest.approx([1.0] * 5, abs=0.2)

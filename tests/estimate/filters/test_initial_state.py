@@ -63,10 +63,6 @@ def test_the_covariance_under_random_steering(roll, speed):
     np.testing.assert_allclose(actual, P[:n, :n] / np.outer(scale, scale), atol=1e-9)
 
 
-def test_the_prior_of_a_bank_is_that_of_an_identification():
-    assert initial_sigma("bank.road") == quantity_of(ROAD_BANK).sigma == 0.03
-
-
 @pytest.mark.parametrize("bank", [None, 0.02])
 def test_the_covariance_is_that_of_steering_of_each_state_and_of_the_bank(bank):
     x, P = initial_state(TRUCK, FIRST, {}, roll=True, steer_sigma=0.01, bank=bank)
@@ -82,11 +78,8 @@ def test_the_covariance_is_that_of_steering_of_each_state_and_of_the_bank(bank):
         effect = np.append(on_bank - steady, bank)  # one sigma of bank moves all states to another equilibrium
         assert np.abs(effect[:n]).max() > 0.01 * bank
         expected = np.pad(expected, (0, 1)) + np.outer(effect, effect)
+        factor = initial_factor(P)  # one column of it moves the bank
+        np.testing.assert_allclose(factor @ factor.T, P, rtol=1e-12, atol=1e-18)
+        np.testing.assert_array_equal(factor[-1] != 0, np.arange(len(P)) == n)
+        assert initial_sigma("bank.road") == quantity_of(ROAD_BANK).sigma == 0.03
     np.testing.assert_allclose(P, expected, rtol=1e-9, atol=1e-12)
-
-
-def test_one_column_of_the_factor_moves_the_bank():
-    _, P0 = initial_state(TRUCK, FIRST, {}, roll=True, steer_sigma=0.01, bank=0.02)
-    factor = initial_factor(P0)
-    np.testing.assert_allclose(factor @ factor.T, P0, rtol=1e-12, atol=1e-18)
-    np.testing.assert_array_equal(factor[-1] != 0, np.arange(len(P0)) == len(P0) - 1)

@@ -9,10 +9,8 @@ from scipy.optimize import minimize, rosen
 from fifthwheel.estimate.filters.noise_model import (
     FEWEST_SAMPLES,
     NoiseModel,
-    _periodogram,
     autocorrelation_factor,
     fit_noise_model,
-    fit_spectrum,
     long_run_covariance,
     nelder_mead,
 )
@@ -59,14 +57,6 @@ def test_the_whitened_noise_is_white(model: NoiseModel) -> None:
         assert np.mean(noise[:, lag:] * noise[:, :-lag]) == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model", MODELS, ids=str)
-def test_the_fit_of_a_spectrum_recovers_its_model(model: NoiseModel) -> None:
-    frequency = np.arange(1, 30_000) / (60_000 * DT)
-    fitted = fit_spectrum(frequency, model.spectrum(frequency, DT), DT, 60_000 * DT)
-    assert fitted.spectrum(frequency, DT) == pytest.approx(model.spectrum(frequency, DT), rel=0.05)
-
-
 @pytest.mark.parametrize(
     "model",
     [
@@ -96,35 +86,17 @@ def test_the_fit_recovers_simulated_noise(model: NoiseModel) -> None:
     assert (spread < 1.5).all(), spread  # 30 draws: a standard deviation of 13 %
 
 
-def test_the_fit_does_not_depend_on_the_unit() -> None:
-    for noise in draws(NoiseModel(white=1.0, discrepancy=1.0, time_constant=0.5), 5, 3000, seed=6):
-        fit, scaled = fit_noise_model([noise], DT), fit_noise_model([1e-3 * noise], DT)
-        assert scaled.white == pytest.approx(1e-6 * fit.white, rel=0.02)
-        assert scaled.discrepancy == pytest.approx(1e-6 * fit.discrepancy, rel=0.02)
-        assert scaled.time_constant == pytest.approx(fit.time_constant, rel=0.02)
-
-
-@pytest.mark.parametrize("count", [200, 201])
-def test_the_periodogram_has_the_variance_of_the_segment(count: int) -> None:
-    """Parseval's theorem, for even and odd numbers of samples; a cosine is at its own frequency."""
-    values = 3.0 + np.random.default_rng(3).normal(size=count)
-    frequency, density = _periodogram(values, DT)
-    assert density.sum() / (count * DT) == pytest.approx(np.var(values), rel=1e-12)
-    assert frequency == pytest.approx(np.arange(1, count // 2 + 1) / (count * DT))
-    _, density = _periodogram(np.cos(2 * np.pi * frequency[6] * DT * np.arange(count)), DT)
-    assert density[6] / (count * DT) == pytest.approx(0.5)
-    assert np.delete(density, 6).max() < 1e-12
-
-
-def test_white_noise_has_no_discrepancy() -> None:
-    fits = [fit_noise_model([noise], DT) for noise in draws(NoiseModel(white=0.25), 40, 2000, seed=5)]
-    assert [fit.discrepancy for fit in fits] == [0.0] * 40
+def test_the_fit_of_white_noise_of_few_samples_and_in_another_unit() -> None:
+    fits = [fit_noise_model([noise], DT) for noise in draws(NoiseModel(white=0.25), 20, 2000, seed=5)]
+    assert [fit.discrepancy for fit in fits] == [0.0] * 20
     assert np.mean([fit.white for fit in fits]) == pytest.approx(0.25, rel=0.02)
-
-
-def test_too_few_samples_are_taken_as_white() -> None:
-    segment = 3.0 + np.sin(np.arange(FEWEST_SAMPLES - 1))
-    assert fit_noise_model([segment], DT) == NoiseModel(white=float(np.mean(segment**2)))
+    few = 3.0 + np.sin(np.arange(FEWEST_SAMPLES - 1))
+    assert fit_noise_model([few], DT) == NoiseModel(white=float(np.mean(few**2)))
+    (noise,) = draws(NoiseModel(white=1.0, discrepancy=1.0, time_constant=0.5), 1, 3000, seed=6)
+    fit, scaled = fit_noise_model([noise], DT), fit_noise_model([1e-3 * noise], DT)
+    assert scaled.white == pytest.approx(1e-6 * fit.white, rel=0.02)
+    assert scaled.discrepancy == pytest.approx(1e-6 * fit.discrepancy, rel=0.02)
+    assert scaled.time_constant == pytest.approx(fit.time_constant, rel=0.02)
 
 
 @pytest.mark.parametrize("lags", [1, 2, 7, 40])
@@ -137,22 +109,16 @@ def test_long_run_covariance_is_that_of_newey_and_west(lags: int) -> None:
     np.testing.assert_allclose(long_run_covariance(scores, lags), expected, rtol=1e-10, atol=1e-9)
 
 
-def test_autocorrelation_factor_of_white_noise_is_one() -> None:
+def test_autocorrelation_factor_is_the_long_run_variance_over_the_variance() -> None:
+    """(1 + rho) / (1 - rho) of an AR(1) process, 1 of white noise. Alternating residuals contain more information than
+    white ones; that is not used."""
     white = np.random.default_rng(1).normal(size=20_000)
     assert autocorrelation_factor(white, 100) == pytest.approx(1.0, abs=0.2)
-
-
-@pytest.mark.parametrize("rho", [0.5, 0.8])
-def test_autocorrelation_factor_of_ar1_noise(rho: float) -> None:
-    """The long-run variance over the variance is (1 + rho) / (1 - rho)."""
-    series = np.random.default_rng(1).normal(size=20_000)
-    for k in range(1, len(series)):
-        series[k] += rho * series[k - 1]
-    assert autocorrelation_factor(series, 200) == pytest.approx((1 + rho) / (1 - rho), rel=0.2)
-
-
-def test_autocorrelation_factor_is_at_least_one() -> None:
-    """Alternating residuals contain more information than white ones; that is not used."""
+    for rho in (0.5, 0.8):
+        series = white.copy()
+        for k in range(1, len(series)):
+            series[k] += rho * series[k - 1]
+        assert autocorrelation_factor(series, 200) == pytest.approx((1 + rho) / (1 - rho), rel=0.2)
     assert autocorrelation_factor(np.tile([1.0, -1.0], 1000), 10) == 1.0
 
 

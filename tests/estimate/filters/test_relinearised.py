@@ -42,8 +42,8 @@ def advance(made: RelinearisedFilter, row: Array, in_segment: bool) -> tuple[boo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("max_passes", [0, 1, 3])
-@pytest.mark.parametrize(("lag", "samples"), [(0, 50), (4, 50), (4, 9), (50, 9), (2, 1)])
+@pytest.mark.parametrize("max_passes", [0, 3])
+@pytest.mark.parametrize(("lag", "samples"), [(4, 50), (50, 9), (2, 1)])
 def test_repetition_has_no_effect_on_a_linear_model(max_passes: int, lag: int, samples: int) -> None:
     """After every sample the estimate is that of the Kalman filter of [x, z], whatever is repeated."""
     rows, in_segment = rows_of(60), (np.arange(60) // 13) % 2 == 1
@@ -111,16 +111,11 @@ def pause(made: RelinearisedFilter, count: int) -> bool:
     return restart
 
 
-def nonlinear(inputs: Array, y: Array, *, later: int = 0, **settings: float) -> JointEstimate:
-    """The estimate after one segment of a model that is nonlinear in its parameters, whose state is known.
-
-    With samples after it, during which the passes are finished one sample at a time.
-    """
+def nonlinear(inputs: Array, y: Array, **settings: float) -> JointEstimate:
+    """The estimate after one segment of a model that is nonlinear in its parameters, whose state is known."""
     made = logarithmic_filter(**settings)
     learn(made, np.column_stack([inputs, y]))
-    pause(made, later)
-    if not later:
-        made.end_segment()
+    made.end_segment()
     assert made._count == 0  # the segment is done
     return made.estimate()
 
@@ -146,12 +141,8 @@ def test_repetition_reaches_the_most_probable_parameters() -> None:
     # a limit far above the change ends the repetition with the first pass
     first = nonlinear(inputs, y, max_passes=30, first_pass_limit=1e9, pass_limit=1e-6, lag=100)
     assert np.abs((first.z - expected.x) / sigma).max() > 10 * np.abs((repeated.z - expected.x) / sigma).max()
-    for passes in (1, 2, 4):
-        limits = {"max_passes": passes, "first_pass_limit": 1e-6, "pass_limit": 1e-6}
-        at_once = nonlinear(inputs, y, lag=100, **limits)
-        assert (at_once.z == pytest.approx(first.z, abs=1e-9)) == (passes == 1)
-        one_by_one = nonlinear(inputs, y, lag=100, later=30 * passes, **limits)
-        assert one_by_one.z == pytest.approx(at_once.z, abs=1e-9)
+    one = nonlinear(inputs, y, lag=100, max_passes=1, first_pass_limit=1e-6, pass_limit=1e-6)
+    assert one.z == pytest.approx(first.z, abs=1e-9)
 
 
 def test_inflation_of_the_variance() -> None:
@@ -214,8 +205,8 @@ def data(count: int, seed: int) -> Array:
     return np.column_stack([d, 2.5 * d + 1.2**2 + np.sqrt(0.05) * rng.normal(size=count)])
 
 
-@pytest.mark.parametrize("lag", [0, 1, 4, 99])
-@pytest.mark.parametrize("passes", [1, 2, 9])
+@pytest.mark.parametrize("lag", [0, 4, 99])
+@pytest.mark.parametrize("passes", [1, 9])
 @pytest.mark.parametrize(
     ("first_limit", "limit", "pauses"),
     [(0.5, 2.0, (70, 70)), (0.0, 0.5, (70, 70)), (1e-3, 1e-3, (70, 70)), (9.0, 0.1, (70, 70)), (0.0, 9.0, (2, 1))],

@@ -37,8 +37,8 @@ def record() -> Record:
     return simulate(TRUCK, count=2, seed=7)
 
 
-def rows_of(record: Record, delay: float = 0.0) -> StepRows:
-    return step_rows(MODEL, TRUCK, record, errors={f"{STEER}.delay": delay})
+def rows_of(record: Record) -> StepRows:
+    return step_rows(MODEL, TRUCK, record)
 
 
 def test_rows_contain_inputs_and_measurements(record: Record) -> None:
@@ -58,6 +58,10 @@ def test_rows_contain_inputs_and_measurements(record: Record) -> None:
     first = {name: record.signals[name][0] for name in ("speed", STEER)}
     assert actual.first == pytest.approx(first, rel=1e-12)
     assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
+    assert np.isfinite(rows_of(put(record, STEER, 3, 3.4, np.nan))[:]).all()
+    for name in (STEER, "speed"):
+        with pytest.raises(SignalError, match=rf"^{name}: "):
+            rows_of(put(record, name, 3, 4, np.nan))
 
 
 def test_low_sampling_rate_gives_additional_rows(record: Record) -> None:
@@ -67,19 +71,6 @@ def test_low_sampling_rate_gives_additional_rows(record: Record) -> None:
     between = np.setdiff1d(np.arange(len(actual[:])), actual.sample_indices)
     assert (actual[:][between, -3:] == 0).all()  # without measurements
     np.testing.assert_allclose(actual[:][:, 4], np.interp(actual.time, coarse.time, coarse.signals[STEER]), atol=1e-15)
-
-
-def test_delay_shifts_an_input(record: Record) -> None:
-    actual = rows_of(record, delay=0.1)
-    shifted = np.interp(record.time + 0.1, record.time, record.signals[STEER])
-    np.testing.assert_allclose(actual[:][actual.sample_indices][:, 4], shifted, atol=2e-5)  # by a spline
-
-
-def test_gap_in_an_input(record: Record) -> None:
-    assert np.isfinite(rows_of(put(record, STEER, 3, 3.4, np.nan))[:]).all()
-    for name in (STEER, "speed"):
-        with pytest.raises(SignalError, match=rf"^{name}: "):
-            rows_of(put(record, name, 3, 4, np.nan))
 
 
 steer_angles = st.lists(st.floats(-0.05, 0.05), min_size=2, max_size=40).map(np.array)
@@ -107,13 +98,6 @@ def test_play_does_not_depend_on_the_sampling_rate(steer: np.ndarray, play: floa
     """Samples between the extremes of the steer angle change nothing."""
     finer = np.interp(np.arange(5 * len(steer) - 4) / 5, np.arange(len(steer)), steer)
     np.testing.assert_allclose(play_contact(finer, play)[::5], play_contact(steer, play), atol=1e-9)
-
-
-@given(plays, st.floats(0.02, 0.05))
-def test_contact_changes_sides_after_a_reversal(play: float, angle: float) -> None:
-    """The wheels stand still until the steering has turned back by the whole play."""
-    steer = np.array([0.0, angle, angle - play / 2, angle - play, angle - 1.5 * play])
-    np.testing.assert_allclose(play_contact(steer, play), [0.0, 0.5, 0.0, -0.5, -0.5], atol=1e-9)
 
 
 def test_the_contact_of_a_small_play_does_not_follow_the_noise() -> None:
@@ -207,16 +191,19 @@ def test_the_speed_curve_equals_weighted_least_squares() -> None:
         np.testing.assert_allclose([speeds[k], rates[k]], [parabola[-1], line[0]], rtol=1e-9)
 
 
-@pytest.mark.parametrize("rate", [10, 100])
-def test_a_constant_rate_of_the_speed_is_exact(rate: float) -> None:
-    """Inside the log and outside of it, with samples that are missing."""
-    time = np.arange(0, 10, 1 / rate)
+def test_a_constant_rate_of_the_speed_is_exact_and_noise_has_its_sigma() -> None:
+    """Inside the log and outside of it, with missing samples; of the slope of a line with Gaussian weights."""
+    dt, sigma = 0.01, 0.1
+    time = np.arange(0, 10, dt)
     time = time[(time < 4) | (time > 4.4)]
     at = np.linspace(-0.5, 10.5, 500)
     speeds, slopes, rates, changes = SpeedCurve(time, 20 - 0.8 * time)(at)
     np.testing.assert_allclose(speeds, 20 - 0.8 * at, atol=1e-9)
     np.testing.assert_allclose([slopes, rates], -0.8, atol=1e-9)
     np.testing.assert_allclose(changes, 0.0, atol=1e-9)
+    noise = np.random.default_rng(1).normal(0, sigma, 200_000)
+    _, _, rates, _ = SpeedCurve(dt * np.arange(noise.size), 20 + noise)(np.arange(10, 1990, 0.5))
+    assert rates.std() == pytest.approx(sigma * np.sqrt(dt / (4 * np.sqrt(np.pi) * WIDTH**3)), rel=0.03)
 
 
 def test_the_speed_curve_has_no_delay_and_is_smooth() -> None:
@@ -236,11 +223,3 @@ def test_the_speed_curve_has_no_delay_and_is_smooth() -> None:
     now, later, before = (steps(inside + s) for s in (0.0, h, -h))
     for value, its_slope in ((0, 1), (2, 3)):
         np.testing.assert_allclose(now[its_slope], (later[value] - before[value]) / (2 * h), atol=1e-3)
-
-
-def test_noise() -> None:
-    """The standard deviation of the slope of a line with Gaussian weights."""
-    dt, sigma = 0.01, 0.1
-    noise = np.random.default_rng(1).normal(0, sigma, 200_000)
-    _, _, rates, _ = SpeedCurve(np.linspace(0, (noise.size - 1) * dt, noise.size), 20 + noise)(np.arange(10, 1990, 0.5))
-    assert rates.std() == pytest.approx(sigma * np.sqrt(dt / (4 * np.sqrt(np.pi) * WIDTH**3)), rel=0.03)

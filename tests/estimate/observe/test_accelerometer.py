@@ -10,7 +10,7 @@ from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.observe.conftest import EXACT, STEER, YAWS, batched, pushed
+from tests.estimate.observe.conftest import EXACT, STEER, YAWS
 
 NAME, SIDESLIP = "lateral_acceleration.tractor", "sideslip.tractor"
 
@@ -42,17 +42,6 @@ def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Recor
     assert rms[0] < 0.6 * rms[1]
 
 
-@pytest.mark.slow
-def test_it_needs_roll_and_pushes_as_in_a_batch(truck: Vehicle, banked: Record) -> None:
-    observer = Observer(truck, banked.signals)
-    assert observer.outputs == (*YAWS, NAME)
-    assert "roll.tractor" in observer.reported
-    assert "roll.tractor" not in Observer(truck, ("speed", STEER, *YAWS)).reported
-    one_by_one, together = pushed(observer, banked), batched(observer, banked)
-    for name, values in one_by_one.items():
-        np.testing.assert_array_equal(values, together[name], err_msg=name)
-
-
 def test_its_offset_is_estimated(truck: Vehicle) -> None:
     """An offset of 0.3 m/s^2 does not change the sideslip; an observer that takes it as exact is wrong by sigmas."""
     sensors = {**dict.fromkeys(YAWS, 0.004**2), NAME: 0.05**2}
@@ -80,5 +69,7 @@ def test_the_offset_is_exact_or_uncertain_or_estimated(truck: Vehicle, banked: R
     uncertain = Uncertainty(names=(f"{NAME}.offset",), covariance=[[0.3**2]])
     for sigma, adds in ((0.0, True), (0.3, False)):
         observer = Observer(truck, banked.signals, ObserverSettings(acceleration_offset=sigma, **EXACT))
+        assert observer.outputs == (*YAWS, NAME)
+        assert "roll.tractor" in observer.reported
         known, more = observer.batch(banked).sigma[SIDESLIP], observer.batch(banked, uncertain).sigma[SIDESLIP]
         assert (more > 1.05 * known).any() == adds

@@ -1,12 +1,8 @@
 """Measurements that contradict the vehicle or its inputs: status, health figure, and restarts of the filter."""
 
-import json
-import tracemalloc
-
 import numpy as np
 import pytest
 
-from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.filters.model import unpack_array
@@ -19,10 +15,7 @@ from tests.estimate.observe.conftest import (
     ROLLS,
     STEER,
     YAWS,
-    assert_same,
-    batched,
     but_settling,
-    pushed,
     put,
     samples,
 )
@@ -36,11 +29,6 @@ def scaled(name: str, factor: float) -> Record:
     return LANE_CHANGES.with_signals({name: factor * LANE_CHANGES.signals[name]})
 
 
-def contradicting() -> Record:
-    """Both yaw rates have a wrong value of 0.8 rad/s for a second."""
-    return put(put(LANE_CHANGES, YAWS[0], 8, 9, 0.8), YAWS[1], 8, 9, 0.8)
-
-
 WRONG: dict[str, Record] = {
     "steering-wheel angle": scaled(STEER, 18.0),
     "steer angle inverted": scaled(STEER, -1.0),
@@ -49,10 +37,9 @@ WRONG: dict[str, Record] = {
     "yaw rate inverted": scaled(YAWS[0], -1.0),
     "steer wrong for 0.2 s": put(LANE_CHANGES, STEER, 8, 8.2, 0.1),
     "steer wrong for 1 s": put(LANE_CHANGES, STEER, 8, 9, 0.3),
-    "wrong yaw rates": contradicting(),
+    "wrong yaw rates": put(put(LANE_CHANGES, YAWS[0], 8, 9, 0.8), YAWS[1], 8, 9, 0.8),
 }
 BRIEF = ("steer wrong for 0.2 s", "steer wrong for 1 s", "wrong yaw rates")
-FEW = ("steering-wheel angle", "steer wrong for 1 s", "wrong yaw rates")
 
 
 def observer(**changes) -> Observer:
@@ -68,24 +55,19 @@ def beyond(o: Observer, record: Record, sigmas: float) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_signals_are_inconsistent(name: str) -> None:
-    o = observer()
-    actual = o.batch(WRONG[name])
+def test_wrong_signals_are_inconsistent_and_do_not_last(name: str) -> None:
+    """Brief errors restart the filter: without that, 0.3 rad of steer angle for a second made the states wrong for
+    4.7 s."""
+    o, record = observer(), WRONG[name]
+    actual = o.batch(record)
     inconsistent = actual.status == Status.INCONSISTENT
-    if name in BRIEF:
-        assert (actual.status[LANE_CHANGES.time > 8.0] == Status.SETTLING).sum() > 20
-    else:
-        assert inconsistent.sum() > 400
     np.testing.assert_array_equal(inconsistent, actual.nis > 4)
     for values in (*actual.values.values(), *actual.sigma.values()):
         assert np.isfinite(values).all()
-
-
-@pytest.mark.parametrize("name", BRIEF)
-def test_wrong_states_are_reported_at_once_and_do_not_last(name: str) -> None:
-    """Without the restart, 0.3 rad of steer angle for a second made the states wrong for 4.7 s."""
-    o, record = observer(), WRONG[name]
-    actual = o.batch(record)
+    if name not in BRIEF:
+        assert inconsistent.sum() > 400
+        return
+    assert (actual.status[record.time > 8.0] == Status.SETTLING).sum() > 20
     wrong = beyond(o, record, 5)
     assert wrong[record.time < 8].sum() == 0
     assert (wrong & (actual.status == Status.OK)).sum() <= 25  # 0.25 s
@@ -94,29 +76,10 @@ def test_wrong_states_are_reported_at_once_and_do_not_last(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FEW)
-def test_push_equals_batch(name: str) -> None:
-    record, o = WRONG[name].cut(0.0, 10.0), observer()
-    batch_result = batched(o, record)
-    assert_same(pushed(o, record), batch_result)
-    all_samples = list(samples(record))
-    o.reset()
-    for sample in all_samples[:830]:
-        o.push(sample)
-    resumed = observer()
-    resumed.resume(json.loads(json.dumps(o.save(), allow_nan=False)))
-    rest = [resumed.push(sample) for sample in all_samples[830:]]
-    assert_same(
-        {key: np.array([a[key] for a in rest]) for key in rest[0]}, {k: v[830:] for k, v in batch_result.items()}
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FEW)
-def test_covariances_remain_positive(name: str) -> None:
+def test_covariances_remain_positive() -> None:
     o = Observer(TRUCK, LANE_CHANGES.signals)
     smallest = np.inf
-    for sample in samples(WRONG[name]):
+    for sample in samples(WRONG["wrong yaw rates"].cut(7.5, 11.0)):
         o.push(sample)
         n = len(o.model.states)
         P = unpack_array(np.array(o._filter.carry[n : -n - len(START)]), n)
@@ -167,26 +130,9 @@ def test_smoothing_divides_the_record_at_restarts() -> None:
         assert (error < 5 * smoothed.sigma[name][record.time > 9.5]).all(), name
 
 
-@pytest.mark.slow
-def test_restarts_allocate_nothing_that_stays() -> None:
-    o = observer()
-    rows = list(samples(WRONG["steering-wheel angle"]))
-    for sample in rows[:800]:
-        o.push(sample)
-    tracemalloc.start()
-    before = tracemalloc.take_snapshot()
-    for sample in rows[800:]:
-        o.push(sample)
-    growth = sum(s.size_diff for s in tracemalloc.take_snapshot().compare_to(before, "filename") if s.size_diff > 0)
-    tracemalloc.stop()
-    assert growth < 50_000
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"), [({"max_nis": 1e9}, 0), ({"max_nis": 0.1}, len(LANE_CHANGES))], ids=["off", "always"]
-)
-def test_largest_nis(change: dict[str, float], expected: int) -> None:
-    assert (observer(**change).batch(LANE_CHANGES).status == Status.INCONSISTENT).sum() == expected
+def test_largest_nis() -> None:
+    for limit, expected in ((1e9, 0), (0.1, len(LANE_CHANGES))):
+        assert (observer(max_nis=limit).batch(LANE_CHANGES).status == Status.INCONSISTENT).sum() == expected
 
 
 def test_large_innovations_raise_sigma() -> None:
@@ -199,9 +145,3 @@ def test_large_innovations_raise_sigma() -> None:
     for name in STATES:
         factor = (actual.sigma[name] / plain.sigma[name])[steady] ** 2
         np.testing.assert_allclose(factor, actual.nis[steady] / 1.5, rtol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["max_nis", "nis_window", "max_steer_rate", "max_acceleration"])
-def test_settings_out_of_range(name: str) -> None:
-    with pytest.raises(SignalError, match=f"^{name}: expected a number above 0"):
-        ObserverSettings(**{name: 0.0})

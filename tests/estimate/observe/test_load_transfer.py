@@ -16,7 +16,7 @@ from fifthwheel.estimate.observe import (
 )
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.courses import OpenLoop
-from fifthwheel.model.manoeuvres.open_loops import sine_with_dwell, single_sine, step_input
+from fifthwheel.model.manoeuvres.open_loops import single_sine, step_input
 from fifthwheel.model.plant import Plant, article_sensors, measure
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report import conclude_states
@@ -30,17 +30,6 @@ SENSORS = article_sensors(TRUCK)
 LANE_CHANGES = simulate(TRUCK, count=1, seed=3)
 FRICTION = 0.74
 """Of the nonlinear truck's tyres at large slip."""
-
-
-def empty() -> Vehicle:
-    """The truck without its payload but for 0.1 t; its tyres are softer at their small load."""
-    fields = TRUCK.model_dump()
-    trailer = fields["units"][1]
-    trailer["payload"] |= {"mass": 100.0}
-    trailer |= {"mass": 13.428e3, "cog": -5.63, "yaw_inertia": 200e3}
-    trailer["axle_groups"][0]["cornering_stiffness"] = 750e3
-    fields["units"][0]["axle_groups"][1]["cornering_stiffness"] = 560e3
-    return Vehicle(**fields)
 
 
 def driven(vehicle: Vehicle, course: OpenLoop) -> tuple[Record, dict[str, np.ndarray]]:
@@ -58,33 +47,27 @@ def driven(vehicle: Vehicle, course: OpenLoop) -> tuple[Record, dict[str, np.nda
     return Record(time=run.time, signals=signals, name="run"), truth | {"lifted": lifted}
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "acceleration", "limit"),  # errors 0.04 and 0.02; without the height of the axles 0.04 and 0.05
-    [(TRUCK.replace({"semitrailer.payload.height": 3.2}), 3.0, 0.05), (empty(), 3.5, 0.03)],
-    ids=["laden", "empty"],
-)
-def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: float, limit: float) -> None:
-    """Of the trailer, from the beginning of the sine until the first wheel lifts; the warning comes before that."""
-    record, truth = driven(vehicle, single_sine(vehicle, acceleration=acceleration, duration=6.0))
-    lifted = truth["lifted"]
+def test_a_warning_before_the_first_wheel_of_the_nonlinear_truck_lifts() -> None:
+    """In a sine; the ratio of the trailer is right until then. Errors are 0.04."""
+    vehicle, name = TRUCK.replace({"semitrailer.payload.height": 3.2}), "load_transfer.semitrailer"
+    record, truth = driven(vehicle, single_sine(vehicle, acceleration=3.0, duration=6.0))
     states = Observer(vehicle, record.signals, ObserverSettings(friction=FRICTION, **EXACT)).batch(record)
-    end = int(lifted.argmax()) if lifted.any() else len(lifted)
-    name = "load_transfer.semitrailer"
-    assert np.abs(states.values[name] - truth[name])[100:end].max() < limit
+    assert truth["lifted"].any()
+    end = int(truth["lifted"].argmax())
+    assert np.abs(states.values[name] - truth[name])[100:end].max() < 0.05
     assert np.abs(truth[name][:end]).max() > 0.4
     warned = states.lift_warning[100:]
-    assert warned.any() == lifted.any()
-    if lifted.any():
-        assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.5
-        (line,) = [line for line in conclude_states([states], [record]).results if "lift" in line]
-        first = states.time[states.lift_warning.argmax()]
-        assert line == f"run: a wheel of semitrailer is about to lift at {first:.1f} s."
+    assert warned.any()
+    assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.5
+    (line,) = [line for line in conclude_states([states], [record]).results if "lift" in line]
+    first = states.time[states.lift_warning.argmax()]
+    assert line == f"run: a wheel of semitrailer is about to lift at {first:.1f} s."
 
 
-@pytest.mark.parametrize("error", [0.03, -0.03])
-def test_a_single_wrong_steer_angle_is_no_warning(error: float) -> None:
+def test_a_single_wrong_steer_angle_is_no_warning() -> None:
     observer = Observer(TRUCK, LANE_CHANGES.signals)
-    for k in range(50, len(LANE_CHANGES), 97):
+    assert not observer.batch(LANE_CHANGES).lift_warning.any()
+    for k, error in zip(range(50, len(LANE_CHANGES), 97), [0.03, -0.03] * 9, strict=False):
         steer = LANE_CHANGES.signals["steer.tractor.front"].copy()
         steer[k] += error
         states = observer.batch(LANE_CHANGES.with_signals({"steer.tractor.front": steer}))
@@ -111,18 +94,6 @@ def test_load_transfer_while_braking() -> None:
     for group, limit in (("tractor.front", 0.03), ("tractor.drive", 0.035), ("semitrailer", 0.06)):
         name = f"load_transfer.{group}"
         assert np.abs(states.values[name] - truth[name])[100:].max() < limit
-
-
-def test_sign() -> None:
-    """In a left turn the right wheels carry more, as the body rolls to the right."""
-    exact = simulate(TRUCK, count=1, sensors={n: 1e-12 for n, s in SENSORS.items() if s.variance})
-    states = Observer(TRUCK, exact.signals, ObserverSettings(**EXACT)).batch(exact)
-    ratios = {n: v for n, v in states.values.items() if n.startswith("load_transfer.")}
-    assert list(ratios) == ["load_transfer.tractor.front", "load_transfer.tractor.drive", "load_transfer.semitrailer"]
-    for name, ratio in ratios.items():
-        roll = states.values[f"roll.{name.split('.')[1]}"]
-        assert np.corrcoef(ratio, roll)[0, 1] > 0.7
-    assert not states.lift_warning.any()
 
 
 def test_the_prediction_is_the_ratio_at_its_horizon() -> None:
@@ -186,8 +157,10 @@ def test_uncertain_half_track_and_mass_are_in_sigma(monkeypatch: pytest.MonkeyPa
     assert 0.8 < np.median(ratio) < 1.25
 
 
-def test_none_where_the_static_loads_are_not_determined() -> None:
+def test_none_without_roll_and_where_the_static_loads_are_not_determined() -> None:
     """A trailer whose axles are two groups has three supports."""
+    yaw_only = [name for name in LANE_CHANGES.signals if not name.startswith("roll_rate")]
+    assert not any("load_transfer" in name for name in Observer(TRUCK, yaw_only).reported)
     fields = TRUCK.model_dump()
     (group,) = fields["units"][1]["axle_groups"]
     first, *others = group["axles"]
@@ -196,33 +169,3 @@ def test_none_where_the_static_loads_are_not_determined() -> None:
     states = Observer(vehicle, LANE_CHANGES.signals).batch(LANE_CHANGES)
     assert not any("load_transfer" in name for name in states.values)
     assert not states.lift_warning.any()
-
-
-def test_none_without_roll() -> None:
-    signals = [name for name in LANE_CHANGES.signals if not name.startswith("roll_rate")]
-    assert not any("load_transfer" in name for name in Observer(TRUCK, signals).reported)
-
-
-def test_warnings_of_drawn_manoeuvres() -> None:
-    """Trucks and manoeuvres as in benchmarks/wheel_lift.py, whose vehicle file is wrong, with other seeds."""
-    rng, leads, unfounded = np.random.default_rng(8), [], 0
-    for k in range(12):
-        truck = TRUCK.replace({"semitrailer.payload.height": rng.uniform(2.2, 3.4)})
-        given = {"acceleration": rng.uniform(2.5, 5.0), "speed": rng.uniform(18.0, 25.0), "lead": 2.0, "duration": 8.0}
-        record, truth = driven(truck, (single_sine, step_input, sine_with_dwell)[k % 3](truck, **given))
-        wrong = {
-            path: value * rng.normal(1.0, 0.06)
-            for path, value in truck.parameters().items()
-            if path.endswith(("stiffness", "roll_damping", "yaw_inertia", "payload.height"))
-        }
-        settings = ObserverSettings(friction=FRICTION * rng.normal(1.0, 0.08), half_track=rng.normal(1.0, 0.02))
-        warned = Observer(truck.replace(wrong), record.signals, settings).batch(record).lift_warning
-        if truth["lifted"].any():
-            end = int(truth["lifted"].argmax())
-            leads.append(record.time[end] - record.time[warned.argmax()] if warned[: end + 1].any() else -1.0)
-        else:
-            ratios = [np.abs(values).max() for name, values in truth.items() if name != "lifted"]
-            unfounded += bool(warned.any() and max(ratios) < 0.7)
-    assert len(leads) >= 4
-    assert np.mean(np.array(leads) >= 0.5) >= 0.9
-    assert unfounded == 0

@@ -1,24 +1,21 @@
 """Tyres that saturate: the observer on the nonlinear truck, beyond the range of linear tyres."""
 
-import copy
-import json
 from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.model import pack_array
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, monitor
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
+from fifthwheel.model.plant import Plant, Properties, Sensor, article_sensors, measure
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.unit import Accelerometer
-from tests.estimate.observe.conftest import assert_same, batched, pushed, samples
+from tests.estimate.observe.conftest import assert_same, batched, pushed
 
 pytestmark = pytest.mark.slow
 
@@ -64,33 +61,23 @@ def errors(record: Record, truck: Vehicle = TRUCK, signals: Iterable[str] = SIGN
     ]
 
 
-@pytest.mark.parametrize(
-    ("acceleration", "friction", "limit"),  # rms 0.07 and 0.13 deg; 0.05 and 0.19: linear tyres 0.42; 0.22 and 1.07
-    [(3.0, 1.0, 0.15), (2.0, 0.3, 0.25)],
-)
-def test_sideslip_near_the_limit(acceleration: float, friction: float, limit: float) -> None:
-    """A single sine of 0.53 g on a dry road, and one of 0.33 g on snow; the friction is known within 15 %."""
-    record = driven(acceleration, friction)
-    linear = errors(record)
-    saturating = errors(record, friction=0.85 * friction)
-    assert max(saturating) < limit
-    assert saturating[1] < 0.4 * linear[1]
+def test_sideslip_near_the_limit() -> None:
+    """A single sine of 0.33 g on snow, whose friction is known within 15 %: rms 0.22 deg, linear tyres 1.07."""
+    record = driven(2.0, 0.3)
+    saturating = errors(record, friction=0.85 * 0.3)
+    assert max(saturating) < 0.25
+    assert saturating[1] < 0.4 * errors(record)[1]
 
 
-@pytest.mark.parametrize(
-    ("acceleration", "friction", "braking", "limit"),
-    # rms of tractor and trailer: 0.04 and 0.11 deg, without braking in the model 0.21 and 0.28, linear tyres 0.29 and
-    # 0.72; on snow 0.05 and 0.11, without braking 0.04 and 0.06, linear tyres 0.18 and 0.32
-    [(3.0, 1.0, 3.0, 0.15), (1.5, 0.35, 1.5, 0.25)],
-)
-def test_sideslip_while_braking(acceleration: float, friction: float, braking: float, limit: float) -> None:
-    """A single sine of 0.54 g with 3 m/s^2 on a dry road, and of 0.27 g with 1.5 m/s^2 on snow; noisy speed."""
-    record, mu = driven(acceleration, friction, braking), 0.74 * friction
-    actual = errors(record, friction=mu)
-    assert max(actual) < limit
-    if friction == 1.0:
-        assert max(errors(record, friction=mu, speed_smoothing=np.inf)) > 1.5 * limit
-    assert max(errors(record)) > limit
+def test_sideslip_while_braking() -> None:
+    """A single sine of 0.54 g with 3 m/s^2 on a dry road and a noisy speed.
+
+    Rms of tractor and trailer 0.04 and 0.11 deg; 0.21 and 0.28 without braking, 0.29 and 0.72 with linear tyres.
+    """
+    record = driven(3.0, 1.0, 3.0)
+    assert max(errors(record, friction=0.74)) < 0.15
+    assert max(errors(record, friction=0.74, speed_smoothing=np.inf)) > 1.5 * 0.15
+    assert max(errors(record)) > 0.15
 
 
 def test_sideslip_with_a_retarder() -> None:
@@ -100,119 +87,43 @@ def test_sideslip_with_a_retarder() -> None:
     assert max(errors(record, friction=0.74)) > 0.2
 
 
-def stopping() -> Record:
-    """Lane changes whose speed falls by 1 m/s^2, with a noise of 0.1 m/s."""
+def test_push_and_batch_agree_while_braking() -> None:
+    """With a speed that falls by 1 m/s^2, and its noise."""
     noise = 0.1 * np.random.default_rng(5).normal(size=len(LANE_CHANGES))
-    return LANE_CHANGES.with_signals({"speed": LANE_CHANGES.signals["speed"] - LANE_CHANGES.time + noise})
-
-
-@pytest.mark.parametrize("record", [LANE_CHANGES, stopping()], ids=["constant speed", "braking"])
-def test_push_and_batch_agree(record: Record) -> None:
+    record = LANE_CHANGES.with_signals({"speed": LANE_CHANGES.signals["speed"] - LANE_CHANGES.time + noise})
     observer = Observer(TRUCK, record.signals, ObserverSettings(friction=0.8))
     assert_same(pushed(observer, record), batched(observer, record))
 
 
-def test_braking_matters() -> None:
-    """By more than its noise: the trailer's sideslip changes by more than a tenth of its sigma."""
-    record = stopping()
-    slow, braking = (
-        Observer(TRUCK, record.signals, ObserverSettings(friction=0.8, speed_smoothing=smoothing)).batch(record)
-        for smoothing in (np.inf, 0.2)
-    )
-    name = SIDESLIP[1]
-    assert np.abs(slow.values[name] - braking.values[name]).max() > 0.1 * slow.sigma[name].min()
+def test_an_accelerometer_near_the_limit() -> None:
+    """On a road with a bank, in a single sine of 0.5 g, away from the CoG: its offset is estimated, and it measures
+    gravity by the bank.
 
-
-def test_a_copy_and_a_resumed_state_continue_while_braking() -> None:
-    record, settings = stopping(), ObserverSettings(friction=0.8)
-    observer = Observer(TRUCK, record.signals, settings)
-    rows = list(samples(record))
-    for row in rows[:300]:
-        observer.push(row)
-    copied, resumed = copy.copy(observer), Observer(TRUCK, record.signals, settings)
-    resumed.resume(json.loads(json.dumps(observer.save())))
-    for row in rows[300:320]:
-        expected = observer.push(row)
-        assert copied.push(row) == expected
-        assert resumed.push(row) == expected
-
-
-@pytest.mark.parametrize("fraction", [-0.01, 1.01, float("nan")])
-def test_braking_of_the_drive_axle_out_of_range(fraction: float) -> None:
-    with pytest.raises(SignalError, match="drive_axle: expected"):
-        ObserverSettings(friction=0.8, surroundings={"brakes.drive_axle": fraction})
-
-
-@pytest.fixture(scope="module")
-def accelerated_run() -> PlantRun:
-    """A single sine of 0.5 g on a dry road with a bank, and a truck with an accelerometer that is not at its CoG."""
-    return Plant(placed(-1.5, 1.5), Properties(bank=0.02)).drive(single_sine(TRUCK, acceleration=2.0))
-
-
-@pytest.fixture(scope="module")
-def accelerated(accelerated_run: PlantRun) -> Record:
-    """Signals of this run; the accelerometer has an offset and a scale factor of 1.02."""
-    return with_accelerometer(accelerated_run, scale=1.02)
-
-
-def with_accelerometer(run: PlantRun, scale: float) -> Record:
-    """Signals of a run with an accelerometer that has an offset and this scale factor."""
-    sensors = {name: sensor for name, sensor in article_sensors(TRUCK).items() if name in SIGNALS}
-    sensors[ACCELERATION] = Sensor(variance=0.05**2, bias=0.2, scale=scale)
-    return Record(
-        time=run.time,
-        signals=measure(run.time, run.truth, sensors, seed=1),
-        reference={name: run.truth[name] for name in SIDESLIP},
-        name="sine",
-    )
-
-
-def test_an_accelerometer_near_the_limit(accelerated_run: PlantRun, accelerated: Record) -> None:
-    """With an unknown offset it reduces the error, if its place is that of the truck and its scale factor is exact.
-
-    A scale factor of 1.02 adds up to 0.007 deg, which is no longer small beside the error without it.
+    Rms 0.018 and 0.038 deg without it, 0.015 and 0.036 with it; 0.047 and 0.096 if misplaced, 0.097 and 0.139 if its
+    offset is ignored.
     """
-    without = errors(accelerated, friction=0.74, bank_mean=0.02)
-    offset, placed_right, signals = {"acceleration_offset": 0.0}, placed(-1.5, 1.5), (*SIGNALS, ACCELERATION)
-    settings = {"friction": 0.74, "bank_mean": 0.02, "noise": {ACCELERATION: 0.05**2}}
-    # rms 0.018 and 0.038 deg without it, 0.015 and 0.036 with an exact one, 0.021 and 0.041 with this one; 0.047 and
-    # 0.096 if misplaced, 0.097 and 0.139 if its offset is ignored
-    exact = errors(with_accelerometer(accelerated_run, scale=1.0), placed_right, signals, **settings)
-    estimated = errors(accelerated, placed_right, signals, **settings)
-    misplaced = errors(accelerated, TRUCK, signals, **settings)
-    ignored = errors(accelerated, placed_right, signals, **settings, **offset)
+    truck = placed(-1.5, 1.5)
+    run = Plant(truck, Properties(bank=0.02)).drive(single_sine(TRUCK, acceleration=2.0))
+    sensors = {name: sensor for name, sensor in article_sensors(TRUCK).items() if name in SIGNALS}
+    sensors[ACCELERATION] = Sensor(variance=0.05**2, bias=0.2)
+    signals = measure(run.time, run.truth, sensors, seed=1)
+    record = Record(time=run.time, signals=signals, reference={n: run.truth[n] for n in SIDESLIP}, name="sine")
+    settings = {"friction": 0.74, "bank_mean": 0.02}
+    without, more = errors(record, **settings), (*SIGNALS, ACCELERATION)
+    settings["noise"] = {ACCELERATION: 0.05**2}
+    exact, misplaced = (errors(record, vehicle, more, **settings) for vehicle in (truck, TRUCK))
+    ignored = errors(record, truck, more, **settings, acceleration_offset=0.0)
     for i in range(2):
         assert exact[i] < 0.97 * without[i]
-        assert estimated[i] < exact[i] + 0.008
-        assert misplaced[i] > 1.3 * estimated[i]
-        assert ignored[i] > 1.5 * estimated[i]
-
-
-def test_an_accelerometer_measures_gravity_by_the_bank(accelerated: Record) -> None:
-    """With the true bank and offset its innovations have no mean; the truck rolls."""
-    known = {"acceleration_offset": 0.0, "sensor_errors": {f"{ACCELERATION}.gain": 1.02, f"{ACCELERATION}.offset": 0.2}}
-    observer, level = (
-        Observer(
-            placed(-1.5, 1.5),
-            (*SIGNALS, ACCELERATION),
-            ObserverSettings(bank=0.0, bank_mean=mean, steer_offset=0.0, friction=0.74, **known),
-        )
-        for mean in (0.02, 0.0)
-    )
-    straight = accelerated.time < 1.0
-    means = [np.mean(o.batch(accelerated).innovation[ACCELERATION][straight]) for o in (observer, level)]
+        assert misplaced[i] > 1.3 * exact[i]
+        assert ignored[i] > 1.5 * exact[i]
+    means = []
+    for mean in (0.02, 0.0):
+        known = {"acceleration_offset": 0.0, "sensor_errors": {f"{ACCELERATION}.offset": 0.2}, "bank_mean": mean}
+        observer = Observer(truck, more, ObserverSettings(bank=0.0, steer_offset=0.0, friction=0.74, **known))
+        means.append(np.mean(observer.batch(record).innovation[ACCELERATION][record.time < 1.0]))
     assert abs(means[0]) < 0.02
     assert abs(means[1]) > 0.05
-
-
-def test_small_slip_is_linear() -> None:
-    """In a lane change of 0.1 g of the linear truck both observers agree within a small part of sigma."""
-    linear, saturating = (
-        Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=friction)).batch(LANE_CHANGES)
-        for friction in (None, 0.8)
-    )
-    for name in SIDESLIP:
-        assert np.abs(linear.values[name] - saturating.values[name]).max() < 0.5 * linear.sigma[name].min()
 
 
 def test_uncertain_friction_is_in_sigma() -> None:
@@ -228,12 +139,6 @@ def test_uncertain_friction_is_in_sigma() -> None:
         change = 0.1 * np.abs(more.values[name] - less.values[name]) / 0.02
         assert change.max() > np.radians(1e-3)
         assert 0.8 < np.sqrt(np.mean(part**2) / np.mean(change**2)) < 1.2, name
-
-
-def test_a_state_is_not_resumed_with_another_friction() -> None:
-    dry, snow = (Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=f)) for f in (0.8, 0.3))
-    with pytest.raises(SignalError, match="same vehicle"):
-        snow.resume(dry.save())
 
 
 def violent(seed: int, samples: int = 300) -> Record:
@@ -253,22 +158,21 @@ def test_a_diverged_filter_restarts() -> None:
     record = violent(seed=26)
     observer = Observer(TRUCK, SIGNALS, ObserverSettings(friction=0.3))
     assert_same(pushed(observer, record), batched(observer, record))
-    for states in (observer.batch(record), observer.smooth(record)):
-        assert (states.status == Status.INCONSISTENT).mean() > 0.9
-        for name, values in states.values.items():
-            assert np.isfinite(values).all(), name
-            assert np.isfinite(states.sigma[name]).all(), name
+    states = observer.batch(record)
+    assert (states.status == Status.INCONSISTENT).mean() > 0.9
+    for name, values in states.values.items():
+        assert np.isfinite(values).all(), name
+        assert np.isfinite(states.sigma[name]).all(), name
 
 
 def test_each_channel_is_linearised_at_the_corrected_state() -> None:
     """The first sample after a start with a wide sigma, in NumPy; an accelerometer on saturating tyres is nonlinear."""
-    truck = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
     observer = Observer(
-        truck, (*SIGNALS, ACCELERATION), ObserverSettings(friction=0.5, gate=1e6, bank=0.0, steer_offset=0.0)
+        TRUCK, (*SIGNALS, ACCELERATION), ObserverSettings(friction=0.5, gate=1e6, bank=0.0, steer_offset=0.0)
     )
     model, inputs = observer.model, [24.0, 0.03, 0.0]
     n, m = len(model.states), len(model.outputs)
-    variance = np.array([0.2, 0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1, *np.zeros(n - 9), 0.09]) ** 2
+    variance = np.array([0.2, 0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1, *np.full(n - 9, 0.05), 0.09]) ** 2
     y, d = np.array([0.1, 0.08, 0.0, 0.0, 3.0]), np.array([*inputs, *inputs])
     carry = np.concatenate([np.zeros(n), pack_array(np.diag(variance)), np.zeros(n), monitor.START])
     after, _ = observer.scan(carry, np.concatenate([[0.0], d, y, np.ones(m)])[None], observer.constant)
@@ -285,15 +189,3 @@ def test_each_channel_is_linearised_at_the_corrected_state() -> None:
         x, P = x + K * (y[i] - predicted), P - np.outer(K, H @ P)
     assert np.abs(H / at_start - 1).max() > 0.1
     np.testing.assert_allclose(after[:n], x, atol=1e-9)
-
-
-@pytest.mark.parametrize("smoothing", [0.0, -0.2, float("nan")])
-def test_smoothing_out_of_range(smoothing: float) -> None:
-    with pytest.raises(SignalError, match="speed_smoothing: expected a number above 0"):
-        ObserverSettings(speed_smoothing=smoothing)
-
-
-@pytest.mark.parametrize("friction", [0.0, float("nan"), 80.0])
-def test_friction_out_of_range(friction: float) -> None:
-    with pytest.raises(SignalError, match="friction: expected between"):
-        ObserverSettings(friction=friction)

@@ -1,7 +1,6 @@
 """Files of states."""
 
 import numpy as np
-import pytest
 from pyarrow import parquet
 
 from fifthwheel.estimate.observe import Observer, Status, write_states
@@ -38,10 +37,3 @@ def test_logs_with_different_states_share_a_file(truck, lane_changes, tmp_path):
     roll = table["roll.semitrailer"].to_numpy()
     assert np.isnan(roll[logs == "second"]).all()
     np.testing.assert_array_equal(roll[logs == "simulated"], with_roll.values["roll.semitrailer"])
-
-
-def test_failed_writing_leaves_no_file(truck, lane_changes, tmp_path):
-    actual = Observer(truck, lane_changes.signals).batch(lane_changes)
-    with pytest.raises(OSError, match="missing"):
-        write_states([actual], tmp_path / "missing" / "states.parquet")
-    assert list(tmp_path.iterdir()) == []

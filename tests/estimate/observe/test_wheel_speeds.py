@@ -7,7 +7,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.observe.conftest import EXACT, STEER, YAWS, batched, pushed
+from tests.estimate.observe.conftest import EXACT, STEER, YAWS, assert_same, batched, pushed
 
 DIFFERENCE, YAW = "wheel_speed_difference.semitrailer", YAWS[0]
 WHEELS = ("wheel_speed.semitrailer.left", "wheel_speed.semitrailer.right")
@@ -32,47 +32,32 @@ def record(truck: Vehicle) -> Record:
 
 @pytest.mark.slow
 def test_it_forms_the_difference_and_pushes_as_in_a_batch(truck: Vehicle, record: Record) -> None:
-    log = wheel_speeds(record)
-    observer = Observer(truck, log.signals)
+    """The difference itself is a signal too: an exported observer gets it."""
+    log = wheel_speeds(record).cut(stop=float(record.time[0]) + 6.0)
+    observer, of_difference = Observer(truck, log.signals), Observer(truck, record.signals)
     assert observer.outputs == (YAW, DIFFERENCE)
     assert observer.signals == ("speed", STEER, YAW, *WHEELS)
-    one_by_one, together = pushed(observer, log), batched(observer, log)
-    for name, values in one_by_one.items():
-        np.testing.assert_array_equal(values, together[name], err_msg=name)
+    assert of_difference.signals == of_difference.inputs + of_difference.outputs == ("speed", STEER, YAW, DIFFERENCE)
+    one_by_one = pushed(observer, log)
+    assert_same(one_by_one, batched(observer, log))
+    np.testing.assert_array_equal(pushed(of_difference, log)[YAWS[1]], one_by_one[YAWS[1]])
 
 
 @pytest.mark.slow
-def test_the_difference_itself_is_a_signal(truck: Vehicle, record: Record) -> None:
-    """An exported observer gets it."""
-    observer = Observer(truck, record.signals)
-    assert observer.signals == observer.inputs + observer.outputs == ("speed", STEER, YAW, DIFFERENCE)
-    log = wheel_speeds(record).cut(stop=float(record.time[0]) + 1.0)
-    formed, given = (pushed(Observer(truck, signals), log)[YAWS[1]] for signals in (log.signals, record.signals))
-    np.testing.assert_array_equal(formed, given)
-
-
-def states(truck: Vehicle, log: Record, **settings: float) -> States:
-    return Observer(truck, log.signals, ObserverSettings(noise=NOISE, **EXACT, **settings)).smooth(log)
-
-
-@pytest.mark.slow
-def test_a_difference_of_the_rolling_radii_is_estimated(truck: Vehicle, record: Record) -> None:
+def test_it_informs_of_the_trailer_with_and_without_a_difference_of_the_rolling_radii(
+    truck: Vehicle, record: Record
+) -> None:
     """0.4 % has no effect on the yaw rate of the trailer; an observer that takes it as 0 is wrong by sigmas."""
     name, straight, different = YAWS[1], wheel_speeds(record), wheel_speeds(record, 0.004)
-    without, estimated, exact = (
-        states(truck, log, wheel_speed_offset=sigma)
-        for log, sigma in ((straight, 0.005), (different, 0.005), (different, 0.0))
-    )
+    absent = straight.with_signals({wheel: np.full(len(record), np.nan) for wheel in WHEELS})
+
+    def states(log: Record, offset: float) -> States:
+        settings = ObserverSettings(noise=NOISE, wheel_speed_offset=offset, **EXACT)
+        return Observer(truck, log.signals, settings).smooth(log)
+
+    without, estimated, exact = states(straight, 0.005), states(different, 0.005), states(different, 0.0)
     sigma = without.sigma[name][100:]
     assert np.abs(estimated.values[name] - without.values[name])[100:].max() < 0.2 * sigma.min()
     assert np.abs(exact.values[name] - without.values[name])[100:].max() > 2 * sigma.max()
-
-
-@pytest.mark.slow
-def test_it_adds_information_on_the_trailer(truck: Vehicle, record: Record) -> None:
-    log = wheel_speeds(record)
-    fewer = Record(time=log.time, signals={name: log.signals[name] for name in ("speed", STEER, YAW)})
-    noise = {"noise": {YAW: NOISE[YAW]}}
-    known = states(truck, log, wheel_speed_offset=0.0)
-    alone = Observer(truck, fewer.signals, ObserverSettings(**noise, **EXACT)).smooth(fewer)
-    assert np.mean(known.sigma[YAWS[1]][100:]) < 0.9 * np.mean(alone.sigma[YAWS[1]][100:])
+    known, alone = (np.mean(states(log, 0.0).sigma[name][100:]) for log in (straight, absent))
+    assert known < 0.9 * alone

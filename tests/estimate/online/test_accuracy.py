@@ -1,22 +1,15 @@
-"""Accuracy of the learner: against the Cramer-Rao bound, against the fit of complete logs, and of its sigmas."""
+"""Accuracy of the learner: against the fit of complete logs, and of its sigmas."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import segments_above
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify import identify
-from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.settings import OneStage
-from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
-from fifthwheel.estimate.identify.unknowns.unknown import scaling
 from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
@@ -26,51 +19,12 @@ LINEAR = OneStage(tyres="linear")
 GYROS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer")
 
 
-def errors_and_bound(truck: Vehicle, seeds: range, settings: OneStage) -> tuple[Array, Array]:
-    """Relative errors (seeds, 5) after one lane change from 80 or 120 %, and the Cramer-Rao bound of each parameter."""
-    truth, names, errors = truck.parameters(), stage_1_names(truck), []
-    for seed in seeds:
-        record = simulate(truck, count=1, seed=seed)
-        factors = np.random.default_rng(1000 + seed).choice([0.8, 1.2], len(names))
-        guess = truck.replace({name: truth[name] * f for name, f in zip(names, factors, strict=True)})
-        errors.append([e.value / truth[e.name] - 1 for e in learn(guess, record, settings).parameters])
-    record = simulate(truck, count=1, seed=0)
-    steered, settings = applied(truck.with_logged_steering(record.signals, "record"), settings)
-    setup = Setup.of(steered, GYROS, settings)
-    unknowns = setup.unknowns
-    problem = Problem(setup, [LogData(name="log", segments=segments_above(record, 5.0))])
-    p, scale = np.array([truth[u.name] for u in unknowns]), scaling(unknowns)
-    z = np.zeros(len(problem.names))
-    z[: len(p)] = scale.to_z(p)
-    sigma = np.sqrt(np.diag(np.linalg.inv(problem.expand(z).hessian)))[: len(p)]
-    return np.array(errors), sigma * np.abs(scale.slope(p)) / p
-
-
-@pytest.mark.slow
-def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle) -> None:
-    errors, bound = errors_and_bound(truck, range(30), FIVE)
-    assert (np.sqrt(np.mean(errors**2, axis=0)) < 1.5 * bound).all()
-
-
-@pytest.mark.slow
-def test_sigma_agrees_with_the_errors(truck: Vehicle, guess: Vehicle) -> None:
-    """The vehicle file, the latency of the gyros and the rate of the log are exact."""
-    normalised = []
-    given = dict.fromkeys(("others", "*_rate.*.delay", "time_base"), "exact")
-    given |= {"road.bank": "+- 0.03 rad", "discrepancy": "+- 1.5 %"}
-    for seed in range(8):
-        learner = learn(guess, simulate(truck, count=2, seed=seed), replace(FIVE, given=given))
-        for estimate in learner.parameters:
-            normalised.append((estimate.value - truck.parameters()[estimate.name]) / estimate.sigma)
-    assert 0.5 < np.std(normalised) < 1.5
-
-
 @pytest.mark.slow
 def test_estimates_agree_with_the_fit_of_the_log(truck: Vehicle, guess: Vehicle) -> None:
     """With default settings, and the tyres of the logs. The fit estimates the uncertain numbers that the learner
     considers; they are right here, so that the difference is less than a sigma of the fit."""
     differences, settings = [], replace(LINEAR, given={"softening": "exact"})  # the truck is linear
-    for seed in range(6):
+    for seed in range(2):
         record = simulate(truck, count=1, seed=seed)
         fit, learner = identify([record], guess, replace(settings, adapt_noise=False)), learn(guess, record, settings)
         differences.append([(learner[e.name].value - e.value) / e.sigma for e in fit.parameters if e.sigma])
@@ -83,14 +37,14 @@ def test_sigma_includes_considered_parameters(truck: Vehicle) -> None:
     steered = truck.with_logged_steering(simulate(truck, count=1).signals, "record")
     uncertain = [u for u in one_stage_unknowns(steered, GYROS, LINEAR) if u.logarithmic and u.is_uncertain]
     normalised = []
-    for seed in range(8):
+    for seed in range(4):
         draws = np.random.default_rng(seed).normal(size=len(uncertain))
         factors = np.exp([u.scale * value for u, value in zip(uncertain, draws, strict=True)])
         truth = steered.replace({u.name: u.centre * float(f) for u, f in zip(uncertain, factors, strict=True)})
         names = stage_1_names(truck)
         factors = np.random.default_rng(100 + seed).choice([0.8, 1.2], len(names))
         guess = steered.replace({n: truth.parameters()[n] * f for n, f in zip(names, factors, strict=True)})
-        learner = learn(guess, simulate(truth, count=3, seed=seed), LINEAR)
+        learner = learn(guess, simulate(truth, count=2, seed=seed), LINEAR)
         normalised += [
             (learner[name].value - truth.parameters()[name]) / learner[name].sigma for name in (*names, HEIGHT)
         ]
@@ -103,13 +57,8 @@ def test_a_long_segment_is_learned_in_parts(truck: Vehicle, guess: Vehicle) -> N
     assert_identified(learn(guess, record, learner=settings), truck)
 
 
-def test_without_relinearisation_it_is_an_extended_kalman_filter(truck: Vehicle, guess: Vehicle) -> None:
-    settings = LearnerSettings(relinearisation=RelinearisationSettings(max_passes=0))
-    assert_identified(learn(guess, simulate(truck, count=3, seed=2), learner=settings), truck, sigmas=6.0)
-
-
 def test_long_and_uneven_steps_are_divided(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=6, seed=4)
+    record = simulate(truck, count=3, seed=4)
     kept = np.random.default_rng(1).random(len(record)) < 0.2
     signals = {name: values[kept] for name, values in record.signals.items()}
     assert_identified(learn(guess, Record(time=record.time[kept], signals=signals)), truck, sigmas=6.0)
@@ -118,7 +67,7 @@ def test_long_and_uneven_steps_are_divided(truck: Vehicle, guess: Vehicle) -> No
 def test_errors_of_the_states_agree_with_their_sigmas(truck: Vehicle, guess: Vehicle) -> None:
     """Before anything is learned, and after."""
     before, after = [], []
-    for seed in range(8):
+    for seed in range(4):
         record = simulate(truck, count=1, seed=seed)
         learner = Learner(guess, record.signals, FIVE)
         answers = [learner.push(sample) for sample in samples(record)]
@@ -134,7 +83,7 @@ def test_errors_of_the_states_agree_with_their_sigmas(truck: Vehicle, guess: Veh
 @pytest.mark.slow
 def test_errors_of_the_states_do_not_grow_from_one_lane_change_to_the_next(truck: Vehicle) -> None:
     """The bank and the steering offset move the truck alike; without new starts sigma grows to 2 deg in one minute."""
-    record = simulate(truck, count=8, seed=1)
+    record = simulate(truck, count=6, seed=1)
     learner = Learner(truck, record.signals)
     states = [learner.push(sample) for sample in samples(record)]
     for name in ("sideslip.tractor", "sideslip.semitrailer", "roll.semitrailer"):

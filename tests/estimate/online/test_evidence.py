@@ -9,7 +9,6 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.online import Learner
-from fifthwheel.estimate.online.live_filter import InnovationStatistics
 from fifthwheel.truck import Vehicle
 from tests.estimate.online.conftest import CONSIDERING, FIVE, learn
 
@@ -34,17 +33,6 @@ def test_inconsistent_innovations_make_all_parameters_doubtful(guess: Vehicle, l
     assert set(doubt.parameters) == {e.name for e in learner.parameters}
 
 
-def test_autocorrelation_is_that_of_a_first_order_process() -> None:
-    """The variance inflation factor of slow averages is (1 + pole) / (1 - pole)."""
-    statistics, value, total = InnovationStatistics(["yaw_rate.tractor"], 50.0, np.inf), 0.0, []
-    pole = 0.8
-    for noise in np.random.default_rng(2).normal(size=200_000):
-        value = pole * value + np.sqrt(1 - pole**2) * noise
-        statistics.update(0.01, [value], [1.0])
-        total.append(statistics.autocorrelation[0])
-    assert np.mean(total[100_000:]) == pytest.approx(9.0, rel=0.15)
-
-
 def test_autocorrelated_innovations_contain_less_information(learned: Learner) -> None:
     """Twice the variance, at most that of the prior."""
     live = copy.deepcopy(learned)._live
@@ -57,8 +45,3 @@ def test_autocorrelated_innovations_contain_less_information(learned: Learner) -
     assert (ratio <= np.sqrt(2.0) * (1 + 1e-9)).all()
     assert np.linalg.eigvalsh(after.Pz).min() > 0
     assert np.diag(live.filter.estimate().with_variance_inflation(1e9).Pz) == pytest.approx(1.0)
-
-
-@pytest.mark.slow
-def test_correct_assumptions_give_no_doubt(guess: Vehicle, lanes: Record) -> None:
-    assert learn(guess, lanes, CONSIDERING).doubts == ()

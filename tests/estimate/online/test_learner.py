@@ -14,7 +14,7 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.online import Learner, LearnerSettings
-from fifthwheel.estimate.online.online_model import Excitation, online_setup
+from fifthwheel.estimate.online.online_model import online_setup
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.conftest import without
@@ -88,16 +88,6 @@ def test_automatic_tyres_are_linear_without_axle_loads(guess: Vehicle, lanes: Re
     assert Learner(guess, lanes.signals).live.setup.settings.tyres == "linear"
 
 
-@pytest.mark.slow
-def test_without_a_roll_rate_the_payload_height_is_not_identifiable(guess: Vehicle, lanes: Record) -> None:
-    names = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
-    learner = learn(guess, replace(lanes, signals={name: lanes.signals[name] for name in names}))
-    assert learner[HEIGHT].verdict == Verdict.NOT_IDENTIFIABLE
-    assert learner.vehicle().parameters()[HEIGHT] == guess.parameters()[HEIGHT]
-    assert learner["semitrailer.cornering_stiffness"].verdict == Verdict.CONVERGED
-    assert HEIGHT in {estimate.name for estimate in learner.parameters}
-
-
 # When it learns
 
 
@@ -146,39 +136,21 @@ def test_on_a_straight_road_nothing_is_learned(truck: Vehicle, guess: Vehicle) -
     assert learner.vehicle().parameters() == pytest.approx(guess.parameters())  # not the initial payload height
 
 
-def test_excitation_is_a_changing_steer_angle_and_not_an_offset(truck: Vehicle) -> None:
-    excitation = Excitation(truck, 1, LearnerSettings())
-    assert not any(excitation.update(0.01, [25.0, 0.02]) for _ in range(500))
-    steered = [excitation.update(0.01, [25.0, 0.02 + 0.02 * np.sin(2.5 * 0.01 * k)]) for k in range(500)]
-    assert steered[-1]
-    constant = [excitation.update(0.01, [25.0, 0.02]) for _ in range(1000)]
-    assert constant[0]
-    assert not constant[-1]
-    changes = np.diff(np.array(constant, dtype=int))
-    assert changes.min() == -1
-    assert np.count_nonzero(changes) == 1
-
-
-def test_nothing_is_learned_below_the_minimum_speed(guess: Vehicle, lanes: Record) -> None:
-    slow = changed(lanes, lambda u: u * 0 + 4.0, "speed")
+def test_nothing_is_learned_where_it_is_slow_and_right_after_a_gap(guess: Vehicle, lanes: Record) -> None:
+    slow = changed(lanes.cut(0.0, 4.0), lambda u: u * 0 + 4.0, "speed")
     learner = Learner(guess, slow.signals, FIVE)
     answers = [learner.push(sample) for sample in samples(slow)]
     assert {answer["status"] for answer in answers} == {Status.TOO_SLOW}
     assert np.isnan(answers[-1]["sideslip.tractor"])
     np.testing.assert_array_equal(estimates(learner)[0], 0.0)
-
-
-def test_nothing_is_learned_right_after_a_gap(guess: Vehicle, lanes: Record) -> None:
     learner = Learner(guess, lanes.signals, FIVE)
     before = [learner.push(sample) for sample in samples(lanes.cut(0.0, 2.0))]
-    z, _ = estimates(learner)
-    later = replace(lanes.cut(2.01, 3.4), time=lanes.cut(2.01, 3.4).time + 5)
-    answers = [learner.push(sample) for sample in samples(later)]
     assert before[-1]["learning"]
+    assert estimates(learner)[0].any()
+    later = lanes.cut(2.01, 3.4)
+    answers = [learner.push(sample) for sample in samples(replace(later, time=later.time + 5))]
     assert not any(answer["learning"] for answer in answers[:100])
     assert any(answer["learning"] for answer in answers[100:])
-    assert not np.array_equal(z, 0 * z)
-    assert answers[50]["sideslip.tractor.sigma"] > 0
 
 
 # Faults
@@ -193,25 +165,14 @@ def spikes(size: float) -> Callable[[Array], Array]:
     return change
 
 
-def missing(fraction: float) -> Callable[[Array], Array]:
-    def change(values: Array) -> Array:
-        values[np.random.default_rng(8).random(len(values)) < fraction] = np.nan
-        return values
-
-    return change
-
-
 HARMLESS: Mapping[str, tuple[Callable[[Array], Array], tuple[str, ...]]] = {
     "huge spikes": (spikes(1e300), ("yaw_rate", "roll_rate")),
     "steer spikes": (spikes(0.2), ("steer",)),
     "speed spikes": (spikes(20.0), ("speed",)),
-    "dropouts": (missing(0.3), ("yaw_rate", "roll_rate", "speed")),
 }
 HARMFUL: Mapping[str, tuple[Callable[[Array], Array], tuple[str, ...]]] = {
     "inverted sign": (lambda v: -v, ("steer",)),
     "degrees": (np.degrees, ("yaw_rate", "roll_rate")),
-    "noise": (lambda v: np.random.default_rng(len(v)).normal(size=len(v)), ("yaw_rate", "roll_rate")),
-    "noisy speed": (lambda v: v + 10 * np.random.default_rng(3).normal(size=len(v)), ("speed",)),
 }
 
 
@@ -229,7 +190,7 @@ def test_no_fault_breaks_the_covariance(truck: Vehicle, guess: Vehicle, lanes: R
             assert np.linalg.eigvalsh(Pz).min() > 0
     if fault in HARMLESS:
         assert_identified(learner, truck, sigmas=6.0)
-    elif fault != "noisy speed":
+    else:
         assert any(estimate.verdict != Verdict.CONVERGED for estimate in learner.parameters)
     learner.vehicle()
 
@@ -246,38 +207,6 @@ def test_a_time_that_is_not_later_is_refused_without_effect(guess: Vehicle, lane
         one.learn(lanes)
     for sample in samples(lanes.cut(0.51, 2.5)):
         assert one.push(sample) == other.push(sample)
-
-
-def test_a_missing_input_is_held_for_a_limited_time(guess: Vehicle, lanes: Record) -> None:
-    learner = Learner(guess, lanes.signals, FIVE)
-    for sample in samples(lanes.cut(0.0, 2.0)):
-        learner.push(sample)
-    answers = [learner.push({**s, "steer.tractor.front": None}) for s in samples(lanes.cut(2.01, 3.0))]
-    status = [answer["status"] for answer in answers]
-    assert status[40] == Status.OK
-    assert status[-1] == Status.INPUT_MISSING
-    assert not any(answer["learning"] for answer in answers)  # a held angle is not a measurement
-    assert np.isnan(answers[-1]["roll.tractor"])
-
-
-def test_nothing_is_learned_after_a_long_dropout_of_the_steer_angle(guess: Vehicle, lanes: Record) -> None:
-    learner = Learner(guess, lanes.signals, FIVE)
-    answers = []
-    for k, sample in enumerate(samples(lanes.cut(0.0, 3.4))):
-        answers.append(learner.push({**sample, "steer.tractor.front": None} if 200 <= k < 220 else sample))
-    learning = [bool(answer["learning"]) for answer in answers]
-    assert learning[199]
-    assert not any(learning[200:319])
-    assert any(learning[319:])
-
-
-def test_an_implausible_speed_is_missing(guess: Vehicle, lanes: Record) -> None:
-    learner = Learner(guess, lanes.signals, FIVE)
-    for sample in samples(lanes.cut(0.0, 1.0)):
-        learner.push(sample)
-    status = [learner.push({**s, "speed": 90.0})["status"] for s in samples(lanes.cut(1.01, 2.0))]
-    assert status[0] == Status.OK
-    assert status[-1] == Status.INPUT_MISSING
 
 
 @pytest.mark.parametrize("steer", [-1e300, 1.1])
@@ -306,57 +235,26 @@ def test_present_parameters_are_those_of_all_samples_between_segments(guess: Veh
     assert learner.present_parameters == learner.parameters
 
 
-def test_without_measurements_it_coasts(guess: Vehicle, lanes: Record) -> None:
-    learner = Learner(guess, lanes.signals, FIVE)
-    for sample in samples(lanes.cut(0.0, 1.0)):
-        learner.push(sample)
-    inputs = ("time", "speed", "steer.tractor.front")
-    for sample in samples(lanes.cut(1.01, 2.5)):
-        answer = learner.push({name: sample[name] for name in inputs})
-    assert answer["status"] == Status.COASTING
-    assert np.isfinite(answer["sideslip.tractor"])
-
-
 # What it refuses
 
 
-@pytest.mark.parametrize(
-    ("signals", "expected"),
-    [
+def test_signals_records_and_settings_that_it_refuses(guess: Vehicle, lanes: Record) -> None:
+    for signals, expected in (
         (("steer.tractor.front", "yaw_rate.tractor"), "speed: not among the signals"),
         (("speed", "yaw_rate.tractor"), "steer.tractor.front"),
         (("speed", "steer.tractor.front", "roll_rate.tractor"), "yaw_rate.tractor: not among the signals"),
-    ],
-)
-def test_necessary_signals(guess: Vehicle, signals: tuple[str, ...], expected: str) -> None:
-    with pytest.raises(SignalError, match=expected):
-        Learner(guess, signals, FIVE)
-
-
-def test_a_record_without_the_signals_is_refused(guess: Vehicle, lanes: Record) -> None:
-    learner = Learner(guess, lanes.signals, FIVE)
+    ):
+        with pytest.raises(SignalError, match=expected):
+            Learner(guess, signals, FIVE)
     with pytest.raises(SignalError, match=r"roll_rate\.tractor: not in simulated"):
-        learner.learn(without(lanes, "roll_rate"))
-
-
-def test_nothing_to_learn_is_refused(guess: Vehicle, lanes: Record) -> None:
+        Learner(guess, lanes.signals, FIVE).learn(without(lanes, "roll_rate"))
     with pytest.raises(SignalError, match="given: no unknown is left to estimate"):
         Learner(guess, lanes.signals, replace(FIVE, given={"*": "exact"}))
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"start_excitation": 0.0}, {"stop_excitation": 1.0}, {"hold": -1.0}, {"excitation_window": float("nan")}],
-)
-def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(FifthwheelError, match=f"^{next(iter(wrong))}: expected"):
-        LearnerSettings(**wrong)
-
-
-def test_spikes_are_rejected(guess: Vehicle, lanes: Record, learned: Learner) -> None:
-    gyro = lanes.signals["yaw_rate.tractor"].copy()
-    gyro[::97] += 0.5
-    spiked = learn(guess, lanes.with_signals({"yaw_rate.tractor": gyro}))
-    for e, clean in zip(spiked.parameters, learned.parameters, strict=True):
-        assert abs(e.value - clean.value) < clean.sigma
-        assert e.verdict == clean.verdict
+    for name, value in (
+        ("start_excitation", 0.0),
+        ("stop_excitation", 1.0),
+        ("hold", -1.0),
+        ("excitation_window", np.nan),
+    ):
+        with pytest.raises(FifthwheelError, match=f"^{name}: expected"):
+            LearnerSettings(**{name: value})

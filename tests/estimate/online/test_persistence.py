@@ -53,7 +53,6 @@ def of_version(number: int) -> Callable[[str], str]:
         (lambda text: text[: len(text) // 2], "not a JSON file, or damaged"),
         (lambda text: "", "not a JSON file, or damaged"),
         (lambda text: "[1, 2]", "not a file of a learner"),
-        (lambda text: '{"parameters": []}', "not a file of a learner"),
         (lambda text: text.replace('"z": [', '"z": [1.0, ', 1), "damaged, its content does not match its checksum"),
         (lambda text: text.replace("tractor", "trucktor"), "damaged, its content does not match its checksum"),
         (of_version(2), "has format 2 of another version of fifthwheel, expected format 3; start with a new Learner"),
@@ -103,28 +102,27 @@ def filter_sigmas(learner: Learner) -> dict[str, float]:
     return dict(zip(names, np.sqrt(np.diag(estimates(learner)[1])), strict=True))
 
 
-def test_sensor_errors_belong_to_the_unit_of_the_sensor(guess: Vehicle, lanes: Record) -> None:
+def test_a_coupling_keeps_sensor_errors_of_the_tractor_and_refuses_other_vehicles(
+    guess: Vehicle, lanes: Record
+) -> None:
     learner = learn(guess, lanes, OneStage(given={"others": "exact"}, tyres="linear"))
-    before = {e.name: e for e in learner.sensors}
+    before, height = {e.name: e for e in learner.sensors}, learner[HEIGHT].value
     learner.couple("empty", guess)
     after = {e.name: e for e in learner.sensors}
     for name in ("steer.tractor.front.offset", "yaw_rate.tractor.offset", "roll_rate.tractor.gain"):
         assert (after[name].value, after[name].sigma) == pytest.approx((before[name].value, before[name].sigma))
     offset = after["yaw_rate.semitrailer.offset"]
     assert (offset.value, offset.sigma) == pytest.approx((0.0, YAW_RATE.error("offset").prior))
-
-
-def test_a_known_trailer_name_with_another_vehicle_file_is_refused(guess: Vehicle, lanes: Record) -> None:
-    learner = learn(guess, lanes)
-    height = learner[HEIGHT].value
-    learner.couple("other", guess)
     heavier = guess.replace({"semitrailer.yaw_inertia": 2 * guess.parameters()["semitrailer.yaw_inertia"]})
     with pytest.raises(SignalError, match="estimates of cheng_cebon_2011 belong to another vehicle file"):
         learner.couple(guess.name, heavier)
+    with pytest.raises(VehicleError, match="a new tractor needs a new Learner"):
+        learner.couple("any", get("auburn_6x4"))
     learner.couple(guess.name, guess)
     assert learner[HEIGHT].value == pytest.approx(height)
 
 
-def test_another_tractor_is_refused(learned: Learner) -> None:
-    with pytest.raises(VehicleError, match="a new tractor needs a new Learner"):
-        learned.couple("any", get("auburn_6x4"))
+def test_fixing_a_parameter_ends_a_log(guess: Vehicle, learned: Learner) -> None:
+    name = "semitrailer.yaw_inertia"
+    (log,) = learned.with_fixed(guess, {name: learned[name].value}).knowledge.logs
+    assert name in log.estimated

@@ -41,21 +41,3 @@ def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehic
     assert np.count_nonzero(np.abs(V).max(axis=0)) > 5
     np.testing.assert_allclose(V[: len(expected)], expected, rtol=1e-6, atol=1e-10)
     assert not V[len(expected) :].any()
-
-
-def test_the_derivative_is_that_at_the_estimates(guess: Vehicle) -> None:
-    name = "tractor.front.cornering_stiffness"
-    stiffer = guess.replace({name: 2 * guess.parameters()[name]})
-    setup, other = (online_setup(vehicle, SIGNALS, FIVE) for vehicle in (guess, stiffer))
-    z = np.array([np.log(2) / u.scale if u.name == name else 0.0 for u in setup.estimated_unknowns])
-    np.testing.assert_allclose(derivative(setup, z), derivative(other, np.zeros_like(z)), rtol=1e-9, atol=1e-12)
-
-
-def test_an_unstable_vehicle_starts_without_a_derivative(guess: Vehicle) -> None:
-    name = "tractor.drive.cornering_stiffness"
-    unstable = guess.replace({name: 0.4 * guess.parameters()[name]})
-    critical = dynamics.critical_speed(unstable)
-    assert critical is not None
-    assert critical < FIRST["speed"]
-    setup = online_setup(unstable, SIGNALS, FIVE)
-    assert not derivative(setup, np.zeros(len(setup.estimated_unknowns))).any()

@@ -1,6 +1,5 @@
 """A learner with wheel speeds of a trailer axle, where the trailer has no gyro."""
 
-import numpy as np
 import pytest
 
 from fifthwheel.data.channels.table import WHEEL_SPEED_DIFFERENCE
@@ -40,14 +39,13 @@ def learner(guess: Vehicle, log: Record) -> Learner:
     return learner
 
 
-def test_it_finds_the_difference_of_the_radii(learner: Learner) -> None:
+def test_it_finds_the_difference_of_the_radii_and_informs_of_the_trailer(
+    learner: Learner, guess: Vehicle, truck: Vehicle, log: Record
+) -> None:
     assert learner.live.setup.outputs == (YAW, NAME)
     offset = learner[f"{NAME}.offset"]
     assert abs(offset.value - OFFSET) < 3 * offset.sigma
     assert offset.sigma < 0.3 * WHEEL_SPEED_DIFFERENCE.error("offset").prior
-
-
-def test_it_adds_information(learner: Learner, guess: Vehicle, truck: Vehicle, log: Record) -> None:
     alone = Learner(guess, OF_TRACTOR, SETTINGS)
     alone.learn(log)
     assert learner[TRAILER].sigma < 0.9 * alone[TRAILER].sigma
@@ -55,33 +53,23 @@ def test_it_adds_information(learner: Learner, guess: Vehicle, truck: Vehicle, l
 
 
 def test_push_forms_the_difference_as_learn_does(guess: Vehicle, log: Record, tmp_path) -> None:
-    start = log.cut(stop=float(log.time[0]) + 2.0)
-    pushed, learned = (Learner(guess, log.signals, SETTINGS) for _ in range(2))
+    """A side that is missing gives no measurement."""
+    start = log.cut(stop=float(log.time[0]) + 1.0)
+    pushed, learned, one_side = (Learner(guess, log.signals, SETTINGS) for _ in range(3))
     for sample in samples(start):
         pushed.push(sample)
+        one_side.push(sample | {WHEELS[1]: None})
     learned.learn(start)
     assert pushed.content()["estimates"] == learned.content()["estimates"]
     pushed.save(tmp_path / "learner.json")
     assert Learner.load(tmp_path / "learner.json").live.setup.outputs == (YAW, NAME)
+    assert NAME not in one_side.live.innovations.measured
 
 
-def test_one_side_is_no_difference(guess: Vehicle, log: Record) -> None:
-    """And both sides of driven wheels are none."""
+def test_signals_that_are_no_difference(guess: Vehicle, learner: Learner, log: Record) -> None:
+    """One side, both sides of driven wheels, and a record without wheel speeds."""
     driven = [f"wheel_speed.tractor.drive.{side}" for side in ("left", "right")]
-    signals = ["speed", STEER, YAW, WHEELS[0], *driven]
-    assert Learner(guess, signals, SETTINGS).live.setup.outputs == (YAW,)
-
-
-def test_a_record_without_wheel_speeds_is_refused(learner: Learner, log: Record) -> None:
+    assert Learner(guess, ["speed", STEER, YAW, WHEELS[0], *driven], SETTINGS).live.setup.outputs == (YAW,)
     later = Record(time=log.time + 100.0, signals={n: v for n, v in log.signals.items() if n not in WHEELS})
     with pytest.raises(ValueError, match=f"{NAME}: not in record"):
         learner.learn(later)
-
-
-def test_a_side_that_is_missing_gives_no_measurement(guess: Vehicle, log: Record) -> None:
-    """The wheel speed of one side is lost in all samples: the channel has none."""
-    learner = Learner(guess, log.signals, SETTINGS)
-    for sample in samples(log.cut(stop=float(log.time[0]) + 1.0)):
-        learner.push(sample | {WHEELS[1]: None})
-    assert NAME not in learner.live.innovations.measured
-    assert np.isfinite(learner[f"{NAME}.offset"].sigma)

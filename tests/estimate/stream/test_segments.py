@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings
@@ -20,17 +19,6 @@ LANE_CHANGES = simulate(TRUCK, count=2, seed=7)
 
 def settings_of(**settings: float) -> StreamSettings:
     return Observer(TRUCK, ("speed", STEER, YAWS[0]), ObserverSettings(**settings)).stream.settings
-
-
-def test_a_jump_that_lasts_is_accepted_after_the_hold():
-    record = put(LANE_CHANGES, STEER, 8.0, 99.0, 1.0)
-    held, fresh = held_inputs(record, settings_of(max_steer_rate=0.5))
-    last = np.searchsorted(record.time, 8.0) - 1
-    accepted = np.flatnonzero(held[:, 1] == 1.0)[0]
-    assert record.time[accepted] - record.time[last] == pytest.approx(0.51, abs=0.011)
-    assert (held[last:accepted, 1] == held[last, 1]).all()
-    assert (held[accepted:, 1] == 1.0).all()
-    assert fresh.all()
 
 
 def test_both_forms_agree():

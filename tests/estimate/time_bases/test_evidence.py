@@ -13,12 +13,6 @@ RECORD = simulate(TRUCK, count=2, seed=1)
 NAME = "yaw_rate.semitrailer"
 
 
-def late(by):
-    """The record with one signal late."""
-    values = np.interp(RECORD.time - by, RECORD.time, RECORD.signals[NAME])
-    return RECORD.with_signals({NAME: values})
-
-
 @pytest.mark.parametrize("vehicle", [None, TRUCK])
 def test_right_signals_are_explained(vehicle):
     evidence = signal_evidence(RECORD, vehicle)
@@ -32,22 +26,17 @@ def test_right_signals_are_explained(vehicle):
     assert not [finding for finding in evidence.findings if finding.severity == "error"]
 
 
-def test_an_inverted_signal_is_explained_inverted():
-    record = RECORD.with_signals({NAME: -RECORD.signals[NAME]})
-    evidence = signal_evidence(record, TRUCK)
-    assert evidence.channels[NAME].explained < 0.1
-    assert evidence.channels[NAME].inverted > 0.95
-    assert [f.remedy for f in evidence.findings if f.fault is Fault.SWAPPED_SIGN] == [{"sign": -1}]
-
-
-def test_a_late_signal_shows_by_how_much():
-    offset = signal_evidence(late(0.35), TRUCK).channels[NAME].offset
+def test_faults_show_in_the_evidence():
+    """An inverted signal is explained inverted, a late one shows by how much; nothing without a steer angle."""
+    inverted = signal_evidence(RECORD.with_signals({NAME: -RECORD.signals[NAME]}), TRUCK)
+    assert inverted.channels[NAME].explained < 0.1
+    assert inverted.channels[NAME].inverted > 0.95
+    assert [f.remedy for f in inverted.findings if f.fault is Fault.SWAPPED_SIGN] == [{"sign": -1}]
+    late = np.interp(RECORD.time - 0.35, RECORD.time, RECORD.signals[NAME])
+    offset = signal_evidence(RECORD.with_signals({NAME: late}), TRUCK).channels[NAME].offset
     assert offset.offset == pytest.approx(0.35, abs=0.05)
     assert offset.significant
     assert offset.explained > 0.95
-
-
-def test_without_steer_angle_nothing_is_predicted():
     signals = {name: values for name, values in RECORD.signals.items() if not name.startswith("steer")}
     evidence = signal_evidence(type(RECORD)(time=RECORD.time, signals=signals), TRUCK)
     assert not evidence.channels

@@ -16,7 +16,6 @@ from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.time_bases.examples import (
     ANGLE,
-    ROLL,
     ROLL2,
     SOURCES,
     STEER,
@@ -51,11 +50,8 @@ def log(name: str) -> Record:
     pytest.importorskip("mujoco")
     from fifthwheel.model.plant import Plant
 
-    options = {"count": 4} if name == "lane_changes" else {"duration": 60.0}
+    options = {"count": 4} if name == "lane_changes" else {"duration": 30.0}
     return Plant(TRUCK).drive(course(name, TRUCK, seed=3, **options)).record(seed=3)
-
-
-LOGS = ("linear random", "lane_changes", "everyday")
 
 
 def delayed(record: Record, delay: float, *names: str) -> Record:
@@ -73,27 +69,41 @@ def measured(record: Record, vehicle: Vehicle | None) -> dict[str, TimeOffset]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", VEHICLES)
-@pytest.mark.parametrize("name", LOGS)
-def test_without_delays_nothing_is_significant(name, vehicle):
-    offsets = measured(log(name), VEHICLES[vehicle])
-    assert {STEER, YAW2} <= set(offsets)
-    assert not [offset for offset in offsets.values() if offset.significant]
-    assert not check_signals(log(name), VEHICLES[vehicle])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LOGS)
-def test_without_delays_and_a_vehicle_nothing_is_found(name):
+@pytest.mark.parametrize("name", ["linear random", "everyday"])
+def test_without_delays_nothing_is_found(name):
+    for vehicle in VEHICLES.values():
+        offsets = measured(log(name), vehicle)
+        assert {STEER, YAW2} <= set(offsets)
+        assert not [offset for offset in offsets.values() if offset.significant]
+        assert not check_signals(log(name), vehicle)
     assert not check_signals(log(name))
 
 
-@pytest.mark.parametrize("names", [(YAW2, ROLL2), (YAW,), (STEER,)], ids=" ".join)
-@pytest.mark.parametrize(("delay", "vehicle"), [(0.35, "30 % soft"), (1.5, "40 % stiff")])
-@pytest.mark.parametrize("name", LOGS)
+@pytest.mark.slow
+def test_no_false_alarm_in_a_turn_to_the_limit_of_adhesion() -> None:
+    """With a slowly rising steer angle, whose lag hardly shows."""
+    pytest.importorskip("mujoco")
+    from fifthwheel.model.plant import Plant, Properties
+
+    sine = single_sine(TRUCK, duration=10.0)
+    largest = single_track_steer(TRUCK, float(sine.speed[0]), 3.0)
+    turn = replace(sine, steer=largest * np.clip((sine.time - 1) / 8, 0, 1))
+    record = Plant(TRUCK, Properties(friction=0.35)).drive(turn).record(seed=3)
+    for vehicle in (TRUCK, None):
+        assert check_signals(record, vehicle) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "delay", "names", "vehicle"),
+    [
+        ("linear random", 1.5, (STEER,), "40 % stiff"),
+        ("linear random", 0.35, (YAW2, ROLL2), "40 % stiff"),
+        ("lane_changes", 0.35, (STEER,), "30 % soft"),
+        ("lane_changes", 1.5, (YAW2, ROLL2), "40 % stiff"),
+        ("lane_changes", 1.5, (YAW,), "30 % soft"),
+    ],
+)
 def test_a_delay_is_measured_within_three_sigma(name, delay, names, vehicle):
-    if names == (STEER,) and delay > 0.5 and name == "everyday":
-        pytest.skip("a steer angle that late does not belong to the speed")
     offsets = measured(delayed(log(name), delay, *names), VEHICLES[vehicle])
     for late_name in names:
         offset = offsets[late_name]
@@ -104,16 +114,14 @@ def test_a_delay_is_measured_within_three_sigma(name, delay, names, vehicle):
     assert not [n for n, offset in offsets.items() if offset.significant and n not in names]
 
 
-@pytest.mark.parametrize("delay", [-0.5, 0.05, 0.15])
-def test_small_and_negative_delays(delay):
-    offset = measured(delayed(log("linear lane changes"), delay, YAW2), TRUCK)[YAW2]
-    assert offset.offset == pytest.approx(delay, abs=0.03)
-    assert offset.significant == (abs(delay) > 0.2)
-
-
-def test_without_a_vehicle_only_large_delays():
-    assert measured(delayed(log("lane_changes"), 0.8, YAW2, ROLL2), None)[YAW2].significant
-    assert not measured(delayed(log("lane_changes"), 0.25, YAW2, ROLL2), None)[YAW2].significant
+def test_small_and_negative_delays_and_those_without_a_vehicle():
+    for delay in (-0.5, 0.05, 0.15):
+        offset = measured(delayed(log("linear lane changes"), delay, YAW2), TRUCK)[YAW2]
+        assert offset.offset == pytest.approx(delay, abs=0.03)
+        assert offset.significant == (abs(delay) > 0.2)
+    for delay, significant in ((0.8, True), (0.25, False)):
+        late_log = delayed(log("lane_changes"), delay, YAW2, ROLL2)
+        assert measured(late_log, None)[YAW2].significant == significant
 
 
 def test_a_time_base_has_one_offset_before_its_channels():
@@ -126,42 +134,12 @@ def test_a_time_base_has_one_offset_before_its_channels():
     assert "trailer logger" not in [channel.name for channel in channels]
 
 
-def test_an_inverted_signal_has_no_offset():
-    record = log("linear lane changes")
-    assert YAW2 not in measured(record.with_signals({YAW2: -record.signals[YAW2]}), TRUCK)
-
-
 def test_a_log_that_cannot_be_predicted_has_no_offsets():
     record = log("linear lane changes")
     straight = record.with_signals({n: np.zeros(len(record)) for n in record.signals if n != "speed"})
     without_speed = replace(record, signals={n: v for n, v in record.signals.items() if n != "speed"})
     for unusable in (straight, without_speed, record.cut(0, 3), record.with_signals({STEER: record.time * np.nan})):
         assert not measured(unusable, TRUCK)
-
-
-@pytest.mark.parametrize(
-    ("offset", "sigma", "significant"), [(0.5, 0.2, False), (-0.5, 0.1, True), (0.15, 0.01, False), (0.25, 0.05, True)]
-)
-def test_a_significant_offset_exceeds_three_sigma_and_the_smallest_one(offset, sigma, significant):
-    channel = TimeOffset(
-        name=YAW2, signals=(YAW2,), offset=offset, sigma=sigma, explained_at_0=0.5, explained=0.9, smallest=0.2
-    )
-    assert channel.significant is significant
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.35, 1.0])
-def test_no_false_alarm_in_a_turn_to_the_limit_of_adhesion(friction: float) -> None:
-    """With a slowly rising steer angle, whose lag hardly shows."""
-    pytest.importorskip("mujoco")
-    from fifthwheel.model.plant import Plant, Properties
-
-    sine = single_sine(TRUCK, duration=10.0)
-    largest = single_track_steer(TRUCK, float(sine.speed[0]), 3.0 if friction < 1 else 6.0)
-    turn = replace(sine, steer=largest * np.clip((sine.time - 1) / 8, 0, 1))
-    record = Plant(TRUCK, Properties(friction=friction)).drive(turn).record(seed=3)
-    for vehicle in (TRUCK, None):
-        assert check_signals(record, vehicle) == ()
 
 
 # Of predictions whose lags are known
@@ -207,22 +185,6 @@ def test_sigma_contains_noise_and_the_spread_of_the_vehicle():
     assert found[YAW2].sigma == pytest.approx(np.sqrt(alone[0] ** 2 + alone[1] ** 2 + 0.015**2))
 
 
-def test_a_variant_counts_by_what_it_explains():
-    """Weight exp(2 (m0 - m)) with m the mean logarithm of the unexplained fractions."""
-    measured = late({YAW: 0.0, YAW2: 0.0})
-    worse = {YAW: SOURCES[YAW], YAW2: shifted(SOURCES[YAW2], 0.4) + 0.15 * WHITE[ROLL]}
-    variants = [{YAW: SOURCES[YAW], YAW2: SOURCES[YAW2]}, worse]
-    misfit = []
-    for variant in variants:
-        curves = [lag_curve(measured[name], variant[name]) for name in measured]
-        misfit.append(np.mean([np.log(1 - c.explained_at(c.best()[0])) for c in curves]))
-    second = np.exp(2 * (misfit[0] - misfit[1]))
-    record = Record(time=TIME, signals=measured)
-    found = {o.name: o for o in offsets_of(record, prediction_of(measured, variants))}
-    assert found[YAW2].offset == pytest.approx(-0.4 * second / (1 + second), abs=0.01)
-    assert 0.02 < second < 0.5
-
-
 @pytest.mark.parametrize(
     ("lags", "expected"),
     [
@@ -249,12 +211,6 @@ def test_which_of_steer_angle_and_yaw_rate_is_late(lags, expected):
     }
 
 
-def test_a_yaw_rate_of_another_time_base_may_be_early():
-    lags = {YAW: -0.5, YAW2: -0.5, ROLL2: -0.5}
-    assert STEER in offsets(lags, time_bases=dict.fromkeys((STEER, *lags), "bus"))
-    assert YAW in offsets(lags, time_bases=dict.fromkeys(lags, "bus"))
-
-
 @pytest.mark.parametrize(("explained", "used"), [(0.25, False), (0.35, True)])
 def test_a_channel_needs_an_explained_fraction(explained, used):
     """0.3 of its variance."""
@@ -274,7 +230,9 @@ def offset_of(name, offset, sigma=0.02, smallest=0.2):
 
 
 def test_similar_offsets_are_one():
-    """Up to 0.1 s apart, weighted by 1 / sigma^2."""
+    """Up to 0.1 s apart, weighted by 1 / sigma^2. A significant one exceeds three sigma and the smallest one."""
+    for offset, sigma, significant in ((0.5, 0.2, False), (-0.5, 0.1, True), (0.15, 0.01, False), (0.25, 0.05, True)):
+        assert offset_of(YAW2, offset, sigma).significant is significant
     one, other = offset_of(YAW2, 0.4, 0.01), offset_of(ROLL2, 0.49, 0.03, smallest=0.25)
     other = replace(other, explained=0.4, explained_at_0=0.1)
     (joined,) = common_offsets([one, other])
