@@ -67,16 +67,15 @@ def test_progress_is_in_words_with_the_time_left_where_it_can_be_known(monkeypat
     assert job.words() == "fit with estimated noise, step 3 of at most 30, 8 s so far"
 
 
-def test_a_job_gives_its_result_and_progress():
+def test_a_job_gives_its_result_its_progress_and_its_error():
     job = ended(jobs.start("a", square, 7))
     assert (job.state, job.result, job.title, job.fraction) == ("done", 49, "squaring", 0.5)
     assert jobs.get("a") is job
-
-
-def test_errors_of_a_job_are_messages():
     refused, crashed = ended(jobs.start("refuse", refuse)), ended(jobs.start("crash", crash))
     assert (refused.state, refused.error) == ("failed", "speed: missing; map it")
     assert (crashed.state, crashed.error[:5]) == ("failed", "ended")
+    with spelled_for("workbench"):
+        assert ended(jobs.start("words", words)).result == "workbench"
 
 
 def test_a_cancelled_job_ends_at_once(tmp_path):
@@ -113,8 +112,3 @@ def test_only_its_own_processes_end_with_the_server():
     assert other.is_alive()
     other.kill()
     other.join()
-
-
-def test_a_job_writes_in_the_words_of_its_front_end():
-    with spelled_for("workbench"):
-        assert ended(jobs.start("words", words)).result == "workbench"

@@ -129,44 +129,6 @@ def test_a_reload_and_a_second_tab_show_a_change_which_is_undone_by_keys(browser
     assert (channel.delay, channel.gain) == (0.1, 2.0)
 
 
-def test_a_field_takes_a_decimal_comma_and_shows_the_file_after_a_refusal_until_the_next_change(page, folder):
-    signals(page)
-    before = mapped(folder)
-    row = section(page, TRAILER)
-    unit, column, field, delay = (field_of(page, key) for key in ("Unit", "Column", "Gain", "Delay"))
-    kept = unit.input_value()
-    unit.fill("kg")
-    unit.press("Tab")
-    row.get_by_role("alert").get_by_text("kg").wait_for()
-    assert unit.input_value() == kept
-    column.fill("yaw_rate.tractor")
-    page.get_by_role("option", name="yaw_rate.tractor", exact=True).click()
-    row.get_by_role("alert").get_by_text("yaw_rate.tractor").wait_for()
-    page.wait_for_timeout(1000)
-    assert column.input_value() == TRAILER
-    assert mapped(folder) == before
-
-    field.press("ControlOrMeta+a")
-    field.press_sequentially("0,054")
-    page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 0.054")).wait_for()
-    row.get_by_role("alert").wait_for(state="hidden")
-    too_large = re.compile(r"The prediction is (18|19) times too large")
-    row.get_by_text(too_large).wait_for(timeout=60_000)
-    page.get_by_role("listitem").get_by_text(f"See below: {TRAILER}").wait_for()
-    assert page.get_by_text(too_large).count() == 1
-    assert page.get_by_text("Nothing speaks against the map.").count() == 0
-    field.press("Tab")
-    page.wait_for_timeout(300)
-    assert field.input_value() == "0.054"
-    field.fill("1.234,5")
-    page.get_by_text("expected a number without separators of thousands").wait_for()
-    delay.fill("-3566")
-    page.get_by_text("expected at most 60 s, got -3566 s").first.wait_for()
-    delay.press("Tab")
-    page.wait_for_function("document.querySelector('[aria-label=\"Delay of yaw_rate.semitrailer\"]').value == '0'")
-    assert (mapped(folder)[TRAILER].gain, mapped(folder)[TRAILER].delay) == (0.054, 0.0)
-
-
 def test_windows_are_excluded_by_mouse_and_by_keyboard(page, folder):
     log(page)
     page.get_by_role("button", name="Select", exact=True).click()

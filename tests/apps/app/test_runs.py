@@ -13,25 +13,20 @@ import pytest
 from fifthwheel import read_log
 from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.layout import typed_number
-from fifthwheel.apps.app.pages import explore
 from fifthwheel.apps.app.pages import identify as page
 from fifthwheel.apps.app.pages.identify import plain_name
 from fifthwheel.apps.app.pages.signals import objections
-from fifthwheel.apps.app.workspace import SIGNALS, Choices, LogChoice, Workspace
+from fifthwheel.apps.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
 from fifthwheel.base.atomic import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.base.pages import Code, Plots
-from fifthwheel.base.pages.html import cell
-from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
+from fifthwheel.base.pages import Plots
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.time_bases.evidence import signal_evidence
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.truck import get
-from tests.results.report.conftest import NASTY
 
 pytestmark = pytest.mark.slow
 
@@ -90,22 +85,18 @@ def test_excluded_windows_and_unused_logs_are_honoured(identified):
     assert found.validate == []
 
 
-def test_the_settings_are_those_of_the_options(identified):
+def test_the_settings_are_those_of_the_options(workspace, identified):
     found = identified(
         Choices(
             identify={"statements": [f"{FRONT}=exact", "roll_stiffness=+- 5 %"], "validate": ["second.csv"], "old": 1}
         )
     )
     assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
+    assert runs.results(workspace) == []  # a failed run leaves none
+    assert runs.next_name(workspace) == "run-1"
     assert found.settings.given[FRONT] == "exact"
     path = "semitrailer.roll_stiffness"
     assert found.truck.stated[path] == pytest.approx(0.05 * found.truck.parameters()[path])
-
-
-def test_a_failed_run_leaves_no_result(workspace, identified):
-    identified(Choices())
-    assert runs.results(workspace) == []
-    assert runs.next_name(workspace) == "run-1"
 
 
 def test_a_cancelled_run_leaves_only_what_the_user_put_there(workspace):
@@ -119,26 +110,15 @@ def test_a_cancelled_run_leaves_only_what_the_user_put_there(workspace):
     assert [path.name for path in workspace.runs()] == ["own"]
 
 
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [
-        ("0,054", 0.054),
-        ("0.054", 0.054),
-        (" -1,5e-3 ", -1.5e-3),
-        ("7", 7.0),
-        (",5", 0.5),
-        ("\u22122", -2.0),
-        ("", None),
-    ],
-)
-def test_a_number_in_a_field(text, number):
-    assert typed_number(text) == number
-
-
-@pytest.mark.parametrize("text", ["1.234,5", "1,234,567", "0,054 m", "nan", "inf", "1e999", "--1", "5 4"])
-def test_a_text_that_is_no_number_is_refused(text):
-    with pytest.raises(FifthwheelError, match="expected a number without separators of thousands"):
-        typed_number(text)
+def test_a_number_in_a_field():
+    numbers = {"0,054": 0.054, "0.054": 0.054, " -1,5e-3 ": -1.5e-3, "7": 7.0, ",5": 0.5, "\u22122": -2.0, "": None}
+    for text, number in numbers.items():
+        assert typed_number(text) == number
+    for text in ("1.234,5", "1,234,567", "0,054 m", "nan", "inf", "1e999", "--1", "5 4"):
+        with pytest.raises(FifthwheelError, match="expected a number without separators of thousands"):
+            typed_number(text)
+    for question in QUESTIONS:
+        assert question.choices or question.parse(question.example)
 
 
 def test_what_speaks_against_a_map(workspace):
@@ -160,28 +140,16 @@ def test_what_speaks_against_a_map(workspace):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.key)
-def test_each_question_without_choices_has_an_example_that_answers_it(question):
-    assert question.choices or question.parse(question.example)
-
-
-def test_only_predicted_logs_are_refused(workspace):
-    choices = Choices(identify={"validate": ["first.csv", "second.csv"]})
+def test_what_is_refused(workspace, tmp_path):
     with pytest.raises(FifthwheelError, match="no log to identify on"):
-        runs.logs(workspace, choices)
-
-
-def test_without_a_vehicle_the_page_to_go_to_is_named(tmp_path):
+        runs.logs(workspace, Choices(identify={"validate": ["first.csv", "second.csv"]}))
     with pytest.raises(FifthwheelError, match="page Truck"):
         runs.vehicle(Workspace(tmp_path / "empty"))
-
-
-def test_the_stamp_follows_what_counts(workspace):
-    first = runs.stamp(workspace)
-    workspace.write_choices(Choices(explore={"speed": 60.0}, truck={"wheelbase": "3 m"}), "look")
-    assert runs.stamp(workspace) == first
-    workspace.write_choices(Choices(identify={"any_load": True}), "set")
-    assert runs.stamp(workspace) != first
+    with pytest.raises((FifthwheelError, SignalError), match="no such log"):
+        runs.record(workspace.folder, "../vehicle.toml")
+    for name in ("", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81):
+        with pytest.raises(FifthwheelError, match="name: expected"):
+            plain_name(name)
 
 
 def test_the_command_line_of_a_run(workspace):
@@ -233,25 +201,15 @@ def test_the_history_of_the_truck_in_a_result(workspace, known):
     assert [plot.plot.title for plot in plots] == ["Front tyres, cornering stiffness (truck)"]
 
 
-def test_a_check_refuses_the_knowledge_of_another_truck(workspace, known):
-    workspace.write({"vehicle.toml": TRUCK.to_toml().replace('"tractor"', '"lorry"')}, "another truck")
-    workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
-    with pytest.raises(FifthwheelError, match="truck whose first unit is tractor"):
-        runs.check(workspace.folder, lambda *_: None)
-
-
 def test_a_check_begins_with_the_knowledge(workspace, known):
     alone = runs.check(workspace.folder, lambda *_: None)
     workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
     found = runs.check(workspace.folder, lambda *_: None)
     (before,), (after,) = ([p.sigma for p in a.parameters if p.name == FRONT] for a in (alone, found))
     assert after < before
-
-
-@pytest.mark.parametrize("name", ["", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81])
-def test_a_name_that_leads_elsewhere_is_refused(name):
-    with pytest.raises(FifthwheelError, match="name: expected"):
-        plain_name(name)
+    workspace.write({"vehicle.toml": TRUCK.to_toml().replace('"tractor"', '"lorry"')}, "another truck")
+    with pytest.raises(FifthwheelError, match="truck whose first unit is tractor"):
+        runs.check(workspace.folder, lambda *_: None)
 
 
 def test_results_side_by_side_and_over_a_log(workspace, result):
@@ -268,45 +226,10 @@ def test_results_side_by_side_and_over_a_log(workspace, result):
         runs.comparison(workspace.folder, ["a", "../runs/a"])
 
 
-def test_a_log_that_does_not_exist_is_refused(workspace):
-    with pytest.raises((FifthwheelError, SignalError), match="no such log"):
-        runs.record(workspace.folder, "../vehicle.toml")
-
-
-STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]
-"""Of the vehicle file and of the sliders, as the page Explore explains them."""
-
-
-def test_predictions_have_the_styles_of_the_linear_model():
-    fits = LogPrediction.of(simulate(TRUCK, count=1), TRUCK).fits({})
-    measured, *predicted = explore.fit_plot(fits, fits).panels[0].items
-    assert measured.colour == GREY
-    assert [(line.colour, line.dash) for line in predicted] == STYLES
-
-
-@pytest.mark.parametrize("kind", explore.KINDS)
-def test_a_changed_number_moves_the_line_of_the_sliders(kind):
-    name = "semitrailer.cornering_stiffness" if kind != "handling diagram" else FRONT
-    softer = TRUCK.replace({name: 0.7 * TRUCK.parameters()[name]})
-    plot = explore.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
-    lines = [item for item in plot.panels[-1].items if getattr(item, "name", "") in ("vehicle file", "sliders")]
-    assert [line.name for line in lines] == ["vehicle file", "sliders"]
-    assert [(line.colour, line.dash) for line in lines] == STYLES
-    assert np.ptp(np.asarray(lines[0].y) - np.asarray(lines[1].y)) + np.ptp(
-        np.asarray(lines[0].x) - np.asarray(lines[1].x)
-    ) > 1e-3 * np.ptp(lines[0].y)
-
-
-def test_texts_are_escaped():
-    html = cell(Code(f"{NASTY} tractor.front.cornering_stiffness 1.5 m"))
-    assert "<b>" not in html
-    assert "</script>" not in html
-    assert "tractor.<wbr/>front.<wbr/>cornering_<wbr/>stiffness 1.5 m" in html
-
-
 def test_a_run_is_that_of_the_command_line(workspace):
     """The same numbers as `fifthwheel identify` in the folder, from the command that the report shows."""
-    choices = Choices(identify={"statements": [f"{FRONT}=exact"]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
+    few = {"statements": ["truck=exact", f"{FRONT}=free"], "tyres": "linear"}
+    choices = Choices(identify=few, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
     workspace.write_choices(choices, "choose")
     runs.identify(workspace.folder, "page", lambda *_: None)
     command = runs.command(workspace, choices, "line")
@@ -331,20 +254,16 @@ def one_log(tmp_path):
     return found
 
 
-def test_the_record_is_that_of_the_file(one_log):
-    record, direct = runs.record(one_log.folder, NAME), read_log(LOG)
-    assert record.name == direct.name
-    np.testing.assert_array_equal(record.time, direct.time)
-    for signal, values in direct.signals.items():
-        np.testing.assert_array_equal(record.signals[signal], values)
-
-
 def test_a_log_is_read_once_and_again_when_it_or_a_database_changes(one_log):
     titles = []
     store = lambda: runs.store(one_log.folder, NAME, lambda title, done, total: titles.append(title))  # noqa: E731
     store()
     assert runs.is_stored(one_log, NAME)
     assert f"reading {NAME}" in titles
+    record, direct = runs.record(one_log.folder, NAME), read_log(LOG)
+    assert record.name == direct.name
+    for signal, values in {"time": direct.time, **direct.signals}.items():
+        np.testing.assert_array_equal(record.time if signal == "time" else record.signals[signal], values)
     titles.clear()
     store()
     assert not titles
@@ -358,7 +277,10 @@ def test_a_log_is_read_once_and_again_when_it_or_a_database_changes(one_log):
     assert len(list((one_log.folder / ".workbench" / "logs").iterdir())) == 1
 
 
-def test_a_log_that_cannot_be_read_leaves_nothing(one_log):
+def test_a_log_that_cannot_be_read_leaves_nothing_and_one_that_is_removed_too(one_log):
+    runs.store(one_log.folder, NAME)
+    one_log.remove_log(NAME)
+    assert not one_log.logs()
     one_log.place_for("broken.csv").write_bytes(b"\x00\x01" * 5000)
     with pytest.raises(SignalError, match=r"broken\.csv"):
         runs.store(one_log.folder, "broken.csv")
@@ -366,33 +288,6 @@ def test_a_log_that_cannot_be_read_leaves_nothing(one_log):
     assert not list((one_log.folder / ".workbench" / "logs").iterdir())
     with pytest.raises(SignalError, match="not read yet"):
         runs.opened(one_log, "broken.csv")
-
-
-def test_a_long_log_is_proposed_and_compared_by_its_steered_part(one_log, monkeypatch):
-    text = runs.propose(one_log.folder, NAME)
-    monkeypatch.setattr(runs, "EVIDENCE_SPAN", 13.0)
-    assert SignalMap.parse(runs.propose(one_log.folder, NAME)) == SignalMap.parse(text)
-    one_log.write({SIGNALS: text}, "propose")
-    evidence = runs.evidence(one_log.folder, NAME)
-    assert np.ptp(evidence.time) <= 13.0
-    assert evidence.channels["yaw_rate.semitrailer"].explained > 0.9
-
-
-def test_excluded_windows_are_left_out_and_unused_logs_too(one_log):
-    one_log.write_choices(one_log.choices().with_log(NAME, exclude=((3.0, 5.0),)), "exclude")
-    (record,) = runs.records(one_log.folder)
-    assert not ((record.time >= 3.0) & (record.time <= 5.0)).any()
-    assert record.span == (0.0, 17.0)
-    one_log.write_choices(one_log.choices().with_log(NAME, use=False), "leave out")
-    with pytest.raises(FifthwheelError, match="no log is used"):
-        runs.records(one_log.folder)
-
-
-def test_a_removed_log_takes_its_samples_along(one_log):
-    runs.store(one_log.folder, NAME)
-    one_log.remove_log(NAME)
-    assert not list((one_log.folder / ".workbench" / "logs").iterdir())
-    assert not one_log.logs()
 
 
 def test_only_the_leftovers_of_killed_processes_are_removed(one_log):
@@ -411,23 +306,16 @@ def test_only_the_leftovers_of_killed_processes_are_removed(one_log):
     assert len(names) == 2
 
 
-@pytest.fixture
-def mapped(tmp_path) -> Workspace:
+def test_truck_sensors_statements_and_settings_are_sentences(tmp_path):
+    """The numbers of truck, road and sensors can be stated."""
+    mapped = Workspace(tmp_path / "w")
     signals = '[signals]\nspeed = "v"\n[signals."yaw_rate.tractor"]\ncolumn = "w"\nsensor = "mems"\n'
-    made = Workspace(tmp_path / "w")
-    made.write({"signals.toml": signals}, "a map")
-    return made
-
-
-def test_truck_and_sensors_are_sentences(mapped):
+    mapped.write({"signals.toml": signals}, "a map")
     assert page.of_truck_and_sensors(mapped, TRUCK) == [
         "Truck: cheng_cebon_2011; no number is assumed.",
         "Tractor, yaw rate: a sensor of the class mems.",
         "All other sensors: the usual errors and noise of their kind.",
     ]
-
-
-def test_statements_and_settings_are_sentences(mapped):
     statements = ["semitrailer.mass=33.4 t +- 0.5 %", "tractor.yaw_inertia=free", "road.friction=wet"]
     choices = Choices(identify={"statements": statements, "any_load": True, "form": "output-error"})
     assert list(page.stated_numbers(mapped, choices).values()) == [
@@ -439,14 +327,13 @@ def test_statements_and_settings_are_sentences(mapped):
         "Load of any shape: yes.",
         "Compare the logs with: Free-running model: robust to model error.",
     ]
-
-
-def test_numbers_of_truck_road_and_sensors_can_be_stated(mapped):
     numbers = page.numbers(mapped, TRUCK)
     assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "road.bank"} <= set(numbers)
     assert "yaw_rate.semitrailer.gain" not in numbers  # the signal map has no such sensor
-    assert numbers["time_base"] == "Time base, rate (time_base)"
-    misalignment = "yaw_rate.tractor.misalignment"
-    assert numbers[misalignment] == f"Tractor, yaw rate misalignment ({misalignment})"
-    assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"
-    assert numbers["semitrailer.wheelbase"] == "Trailer, wheelbase (semitrailer.wheelbase)"
+    for name, words in (
+        ("time_base", "Time base, rate"),
+        ("yaw_rate.tractor.misalignment", "Tractor, yaw rate misalignment"),
+        ("semitrailer.mass", "Trailer, mass"),
+        ("semitrailer.wheelbase", "Trailer, wheelbase"),
+    ):
+        assert numbers[name] == f"{words} ({name})"

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
@@ -20,7 +21,6 @@ from fifthwheel.data.logs import write_record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
-from tests.apps.app.buses import write_can_mf4
 from tests.apps.app.served import served, tab
 from tests.results.report.conftest import result
 
@@ -80,7 +80,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
     folder = tmp_path / "w"
     with served(folder) as address, tab(browser, address) as page:
         page.set_input_files("input[type=file]", str(EXAMPLES / "lane_changes.csv"))
-        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for(timeout=LONG)
         go(page, "Signals")
         page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
 
@@ -122,7 +122,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
         with page.expect_download() as download:
             page.get_by_role("link", name="Save as CSV").click()
         assert download.value.path().read_text().startswith("parameter,run,value,sigma")
-        page.get_by_role("img", name="Measured and predicted, lane_changes.csv").wait_for(timeout=LONG)
+        found_by_name(page, page.get_by_role("img", name="Measured and predicted, lane_changes.csv"))
         page.locator(".q-chip__icon--remove").last.click()
         page.get_by_text("Choose a second result.").wait_for()
         assert table.count() == 0
@@ -136,17 +136,15 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
     assert (fixed.verdict, fixed.value) == ("fixed", found[FRONT].value)
 
 
-def test_from_a_log_of_a_bus_to_a_report_on_a_telephone(page, folder, tmp_path):
-    file = write_can_mf4(simulate(TRUCK, count=2, seed=1), tmp_path / "bus.mf4")
-    (folder / "vehicle.toml").write_text(TRUCK.to_toml())
-    (folder / "workspace.toml").write_text('[identify]\ntyres = "linear"\n[logs."run.csv"]\nuse = false\n')
+def test_from_a_log_to_a_report_on_a_telephone(page, folder):
+    (folder / "workspace.toml").write_text('[identify]\ntyres = "linear"\n')
     page.set_viewport_size({"width": 390, "height": 1000})
     page.goto("/")
-    page.set_input_files("input[type=file]", str(file))
-    page.get_by_label(f"Use {file.name}").wait_for(timeout=LONG)
-    page.get_by_text(re.compile(r"\d+ channels")).nth(1).wait_for()
-    go(page, "Signals")
-    page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
+    page.get_by_text(re.compile(r"\d+ channels")).first.wait_for(timeout=LONG)
+    go(page, "Check")
+    table = page.get_by_role("table", name="Predicted sigma")
+    table.wait_for(timeout=LONG)
+    assert table.evaluate("table => table.scrollWidth <= table.parentElement.clientWidth")
     go(page, "Identify")
     page.get_by_role("button", name="Identify", exact=True).click()
     headline = report(page).locator(".headline").inner_text()
@@ -200,7 +198,7 @@ def test_the_questions_describe_a_truck_and_are_kept(page, folder):
     assert page.get_by_role("region", name="Described truck").get_by_role("img").count() == 0
 
 
-def test_a_result_is_replaced_only_after_a_question(page, folder, result):
+def test_a_result_is_replaced_only_after_a_question_renamed_and_deleted(page, folder, result):
     result.identification.save(folder / "runs" / "mine")
     (folder / "runs" / "mine" / "report.html").write_text("<h1 id=verdict>report</h1>")
     before = (folder / "runs" / "mine" / "identification.json").read_bytes()
@@ -218,9 +216,6 @@ def test_a_result_is_replaced_only_after_a_question(page, folder, result):
     assert "another folder with “Name of the result”, or replace it with “Delete”" in refusal.inner_text()
     assert (folder / "runs" / "mine" / "identification.json").read_bytes() == before
 
-
-def test_a_result_is_renamed_and_deleted_and_its_note_is_shown(page, folder, result):
-    result.identification.save(folder / "runs" / "mine")
     file = folder / "runs" / "mine" / "identification.json"
     note = {"text": "new tyres", "author": "A", "date": "2026-11-26"}
     file.write_text(json.dumps(json.loads(file.read_text()) | {"note": note}))
@@ -275,38 +270,33 @@ def test_a_reload_keeps_an_identification_cancel_ends_it_and_a_killed_server_los
         assert not (tmp_path / "w" / "runs" / "long").exists()
 
         page.get_by_text("Settings", exact=True).click()
-        page.get_by_label("Load of any shape").click()
-        page.get_by_text("Load of any shape: yes.").wait_for()
+        page.get_by_label("Refuse implausible signals").click()
+        page.get_by_text("Refuse implausible signals: no.").wait_for()
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text(started).first.wait_for(timeout=LONG)
         kill()
         context.close()
-    write_record(simulate(TRUCK, count=2, seed=1), tmp_path / "w" / "logs" / "run.csv")
+    write_record(simulate(TRUCK, count=1, seed=1), tmp_path / "w" / "logs" / "run.csv")
     with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
-        page.get_by_text("Load of any shape: yes.").wait_for()
+        page.get_by_text("Refuse implausible signals: no.").wait_for()
         assert page.get_by_label("Name of the result").input_value() == "run-1"
         page.get_by_role("button", name="Identify", exact=True).click()
         report(page)
     assert (tmp_path / "w" / "runs" / "run-1" / "run.json").exists()
 
 
-def test_two_tabs_do_not_overwrite_each_other(browser, page, folder):
-    page.goto("/identify")
-    with tab(browser, page.url) as other:
-        page.get_by_text("Settings", exact=True).click()
-        page.get_by_label("Load of any shape").click()
-        other.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
-        other.get_by_text("Settings", exact=True).click()
-        assert other.get_by_label("Load of any shape").is_checked()
-        passes = other.get_by_role("textbox", name=re.compile("^Passes"))
-        passes.fill("2.5")
-        other.get_by_text("Passes: expected a whole number").wait_for()
-        other.wait_for_timeout(500)
-        assert passes.input_value() == ""
-        other.get_by_label("Refuse implausible signals").click()
-        page.wait_for_timeout(2500)
-        assert not page.get_by_label("Refuse implausible signals").is_checked()
-    assert Workspace(folder).choices().identify == {"any_load": True, "check": False}
+FIND = "Find a signal"
+
+
+def found_by_name(page, plot):
+    """The plot shows the signals whose names contain the text of the field."""
+    plot.get_by_text("Tractor, yaw rate").first.wait_for(timeout=LONG)
+    page.get_by_label(FIND).fill("trailer")
+    plot.get_by_text("Tractor, yaw rate").first.wait_for(state="detached")
+    plot.get_by_text("Trailer, yaw rate").first.wait_for()
+    page.get_by_label(FIND).fill("none")
+    page.get_by_text("No signal has this name.").wait_for()
+    page.get_by_label(FIND).fill("")
 
 
 def test_a_slider_by_keys_changes_the_prediction(page, folder):
@@ -320,8 +310,11 @@ def test_a_slider_by_keys_changes_the_prediction(page, folder):
     for _ in range(10):
         page.keyboard.press("ArrowRight")
     page.get_by_text(re.compile(f"^{name}$")).wait_for()
-    page.wait_for_timeout(1500)
-    assert table.inner_text() != before
+    end = time.monotonic() + 60
+    while table.inner_text() == before:
+        assert time.monotonic() < end
+        page.wait_for_timeout(100)
+    page.wait_for_timeout(1500)  # all ten steps are kept
     page.reload()
     slider.wait_for()
     assert slider.input_value() == "10"
@@ -330,28 +323,7 @@ def test_a_slider_by_keys_changes_the_prediction(page, folder):
     assert slider.input_value() == "0"
     changed = Vehicle.load(folder / "vehicle.toml").parameters()[path]
     assert changed == pytest.approx(TRUCK.parameters()[path] * 2**0.25, rel=1e-3)
-
-
-def test_the_verdict_of_the_check_fits_a_narrow_screen(page):
-    page.set_viewport_size({"width": 390, "height": 1000})
-    page.goto("/check")
-    table = page.get_by_role("table", name="Predicted sigma")
-    table.wait_for(timeout=LONG)
-    assert table.evaluate("table => table.scrollWidth <= table.parentElement.clientWidth")
-
-
-def test_the_plotted_signals_of_explore_and_compare_are_found_by_name(page, folder, result):
-    for name in ("a", "b"):
-        result.identification.save(folder / "runs" / name)
-    for name, what in (("explore", "signals"), ("compare", "run.csv")):
-        page.goto(f"/{name}")
-        plot = page.get_by_role("img", name=re.compile(f"Measured and predicted,? {what}"))
-        plot.get_by_text("Tractor, yaw rate").first.wait_for(timeout=60_000)
-        page.get_by_label("Find a signal").fill("trailer")
-        plot.get_by_text("Tractor, yaw rate").first.wait_for(state="detached")
-        plot.get_by_text("Trailer, yaw rate").first.wait_for()
-        page.get_by_label("Find a signal").fill("none")
-        page.get_by_text("No signal has this name.").wait_for()
+    found_by_name(page, page.get_by_role("img", name=re.compile("Measured and predicted,? signals")))
 
 
 def test_names_are_no_markup_and_no_file_outside_is_given(page, folder, tmp_path, result):
@@ -378,19 +350,14 @@ def test_names_are_no_markup_and_no_file_outside_is_given(page, folder, tmp_path
     page.goto("/")
     page.set_input_files("input[type=file]", str(log))
     page.get_by_text(evil).first.wait_for()
-    page.get_by_text(re.compile(r"\d+ channels")).nth(1).wait_for()
+    page.get_by_text(re.compile(r"\d+ channels")).nth(1).wait_for(timeout=LONG)
     harmless()
     page.goto(f"/signals?{urlencode({'log': log.name})}")
     page.get_by_text(evil).first.wait_for()
     harmless()
     cookies = "; ".join(f"{c['name']}={c['value']}" for c in page.context.cookies())
-    for outside in (
-        "..%2F..%2Fsecret/x",
-        "a/..%2F..%2Fvehicle.toml",
-        "a/states.parquet",
-        "a/run.json",
-        "c/vehicle.toml",
-    ):
+    elsewhere = ("..%2F..%2Fsecret/x", "a/..%2F..%2Fvehicle.toml", "a/states.parquet", "a/run.json", "c/vehicle.toml")
+    for outside in elsewhere:
         request = urllib.request.Request(urljoin(page.url, f"/runs/{outside}"), headers={"Cookie": cookies})
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(request, timeout=10)

@@ -11,23 +11,18 @@ import pytest
 
 from fifthwheel.apps.app import workspace as module
 from fifthwheel.apps.app.serve import serve
-from fifthwheel.apps.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, LogChoice, StaleError, Workspace
+from fifthwheel.apps.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, StaleError, Workspace
 from fifthwheel.base.atomic import result_folder
 from fifthwheel.base.errors import FifthwheelError
 
 MAP = '[signals]\nspeed = "v"\n'
 
 
-def test_a_new_folder_has_nothing_to_undo(tmp_path):
-    workspace = Workspace(tmp_path / "new")
+def test_changes_are_undone_and_repeated(tmp_path):
+    """Also after a restart of the server, until there is a new change."""
+    workspace = Workspace(tmp_path)
     assert workspace.undo() is None
     assert workspace.undoable() == (None, None)
-    assert not workspace.signal_map().signals
-    assert workspace.choices().of("a.csv") == LogChoice()
-
-
-def test_changes_are_undone_and_repeated(tmp_path):
-    workspace = Workspace(tmp_path)
     workspace.write({SIGNALS: MAP}, "first")
     workspace.write({SIGNALS: MAP + '"steer.tractor.front" = "w"\n', VEHICLE: "# x\n"}, "second")
     assert workspace.undo() == "second"
@@ -37,19 +32,9 @@ def test_changes_are_undone_and_repeated(tmp_path):
     assert workspace.read(VEHICLE) == "# x\n"
     assert [workspace.undo(), workspace.undo(), workspace.undo()] == ["second", "first", None]
     assert not (tmp_path / SIGNALS).exists()
-
-
-def test_a_new_change_ends_what_can_be_repeated(tmp_path):
-    workspace = Workspace(tmp_path)
-    workspace.write({SIGNALS: MAP}, "first")
-    workspace.undo()
     workspace.write({SIGNALS: "# other\n"}, "other")
     assert workspace.undoable() == ("other", None)
-
-
-def test_undo_lasts_beyond_the_end_of_the_server(tmp_path):
-    Workspace(tmp_path).write({SIGNALS: MAP}, "first")
-    assert Workspace(tmp_path).undo() == "first"
+    assert Workspace(tmp_path).undo() == "other"
 
 
 def test_a_stale_tab_changes_nothing(tmp_path):
@@ -66,29 +51,24 @@ def test_a_stale_tab_changes_nothing(tmp_path):
     assert reloaded.undo() == "second"
 
 
-def test_a_text_editor_makes_a_tab_stale(tmp_path):
+def test_what_another_program_wrote_is_not_overwritten(tmp_path):
     workspace = Workspace(tmp_path)
-    (tmp_path / SIGNALS).write_text(MAP)
+    workspace.write({SIGNALS: MAP}, "first")
+    (tmp_path / SIGNALS).write_text("# by hand\n")
     with pytest.raises(StaleError):
         workspace.write({SIGNALS: "# lost\n"}, "change")
-    assert (tmp_path / SIGNALS).read_text() == MAP
-
-
-def test_undo_does_not_overwrite_what_another_program_wrote(tmp_path):
-    Workspace(tmp_path).write({SIGNALS: MAP}, "first")
-    (tmp_path / SIGNALS).write_text("# by hand\n")
     with pytest.raises(FifthwheelError, match=r"signals\.toml: changed by another program"):
         Workspace(tmp_path).undo()
     assert (tmp_path / SIGNALS).read_text() == "# by hand\n"
 
 
-@pytest.mark.parametrize("state", ["", "[]", "{", json.dumps({"version": 1})])
-def test_a_damaged_state_costs_only_undo(tmp_path, state):
+def test_a_damaged_state_costs_only_undo(tmp_path):
     Workspace(tmp_path).write({SIGNALS: MAP}, "first")
-    (tmp_path / HIDDEN / "state.json").write_text(state)
-    workspace = Workspace(tmp_path)
-    assert workspace.undo() is None
-    assert workspace.read(SIGNALS) == MAP
+    for state in ("", "[]", "{", json.dumps({"version": 1})):
+        (tmp_path / HIDDEN / "state.json").write_text(state)
+        workspace = Workspace(tmp_path)
+        assert workspace.undo() is None
+        assert workspace.read(SIGNALS) == MAP
 
 
 def test_choices_are_a_file_of_toml(tmp_path):
@@ -100,26 +80,26 @@ def test_choices_are_a_file_of_toml(tmp_path):
         Workspace(tmp_path).choices()
 
 
-@pytest.mark.parametrize(
-    ("name", "kept"),
-    [
-        ("run.csv", "logs/run.csv"),
-        ("../../etc/passwd", "logs/passwd"),
-        ("..\\..\\run.csv", "logs/run.csv"),
-        ("/tmp/run.csv", "logs/run.csv"),
-        (".hidden.csv", "logs/hidden.csv"),
-        ("Truck.DBC", "databases/Truck.DBC"),
-        ("<b>x</b>.csv", "logs/b>.csv"),
-        ("a\x1b[2Jb.csv", "logs/a\\u001b[2Jb.csv"),
-        ("x" * 500 + ".csv", "logs/" + "x" * 176 + ".csv"),
-        ("\u8f66" * 90 + ".csv", "logs/" + "\u8f66" * 58 + ".csv"),
-    ],
-)
-def test_dropped_files_stay_in_the_workspace(tmp_path, name, kept):
+KEPT = {
+    "run.csv": "logs/run.csv",
+    "../../etc/passwd": "logs/passwd",
+    "..\\..\\run.csv": "logs/run.csv",
+    "/tmp/run.csv": "logs/run.csv",
+    ".hidden.csv": "logs/hidden.csv",
+    "Truck.DBC": "databases/Truck.DBC",
+    "<b>x</b>.csv": "logs/b>.csv",
+    "a\x1b[2Jb.csv": "logs/a\\u001b[2Jb.csv",
+    "x" * 500 + ".csv": "logs/" + "x" * 176 + ".csv",
+    "\u8f66" * 90 + ".csv": "logs/" + "\u8f66" * 58 + ".csv",
+}
+
+
+def test_dropped_files_stay_in_the_workspace(tmp_path):
     workspace = Workspace(tmp_path)
-    place = workspace.place_for(name)
-    assert place == workspace.folder / kept
-    assert place.parent.parent == workspace.folder
+    for name, kept in KEPT.items():
+        place = workspace.place_for(name)
+        assert place == workspace.folder / kept
+        assert place.parent.parent == workspace.folder
 
 
 def test_a_dropped_file_replaces_none(tmp_path):
@@ -196,18 +176,15 @@ def test_what_a_killed_process_left_of_a_dropped_file_is_removed(tmp_path):
     assert list(workspace.uploads.iterdir()) == [new]
 
 
-@pytest.mark.parametrize("name", ["../signals.toml", "/etc/passwd", "", "..", "no.csv"])
-def test_names_of_pages_lead_nowhere_else(tmp_path, name):
+def test_names_of_pages_lead_nowhere_else(tmp_path):
     workspace = Workspace(tmp_path)
     (tmp_path / SIGNALS).write_text(MAP)
-    for find in (workspace.log, workspace.run):
-        with pytest.raises(FifthwheelError, match="no such"):
-            find(name)
-
-
-def test_a_file_without_space_is_refused(tmp_path):
+    for name in ("../signals.toml", "/etc/passwd", "", "..", "no.csv"):
+        for find in (workspace.log, workspace.run):
+            with pytest.raises(FifthwheelError, match="no such"):
+                find(name)
     with pytest.raises(FifthwheelError, match="GB free"):
-        Workspace(tmp_path).require_space(10**15)
+        workspace.require_space(10**15)
 
 
 def test_other_computers_need_a_token(tmp_path):

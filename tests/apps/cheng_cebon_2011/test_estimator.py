@@ -15,7 +15,7 @@ from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names, stage_2_names
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import Vehicle, get
+from fifthwheel.truck import Vehicle
 from tests.estimate.conftest import without
 
 HEIGHT = "semitrailer.payload.height"
@@ -44,41 +44,27 @@ def within(result: Identification, truck: Vehicle, stiffness: float = 0.02, heig
 
 
 @pytest.mark.slow
-def test_five_lane_changes_from_80_and_120_percent(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, count=5, seed=0)], guess)
+def test_three_lane_changes_from_80_and_120_percent(truck: Vehicle, guess: Vehicle) -> None:
+    """The errors match their sigma, and JSON and vehicle have the estimates."""
+    result = identify([simulate(truck, count=3, seed=0, name="a run")], guess)
     within(result, truck)
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
+    true = truck.parameters() | truck.derived()
+    assert all(abs(e.value - true[e.name]) < 3 * e.sigma for e in (*result.parameters, *result.derived))
     assert result.histories["stage 1"].values.shape[1] == 4
     assert result[HEIGHT].initial == 0.1
-
-
-@pytest.mark.slow
-def test_errors_of_six_seeds_match_their_sigma(truck: Vehicle) -> None:
-    ratios: dict[str, list[float]] = {}
-    for seed in range(6):
-        factors = tuple(np.random.default_rng([seed, 7]).choice([0.8, 1.2], 4))
-        result = identify([simulate(truck, count=5, seed=seed)], guesses(truck, factors))
-        within(result, truck)
-        for name, error in errors(result, truck).items():
-            sigma = result[name].sigma
-            assert sigma is not None
-            truth = (truck.parameters() | truck.derived())[name]
-            ratios.setdefault(name, []).append(error * truth / sigma)
-    for name, ratio in ratios.items():
-        # an rms of six draws has a standard deviation of 29 %: 2.5 of them above; the priors of gain and offset are
-        # centred on the true values here, so errors may be smaller than sigma
-        assert 0.28 < np.sqrt(np.mean(np.square(ratio))) < 1.72, name
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("factors", [(0.6, 1.4, 0.6, 1.4), (1.4, 1.4, 1.4, 1.4)])
-def test_wider_starts_do_not_diverge(truck: Vehicle, factors: tuple[float, ...]) -> None:
-    within(identify([simulate(truck, count=3, seed=11)], guesses(truck, factors)), truck, 0.03, 0.05)
+    data = json.loads(result.to_json())
+    assert (data["method"], data["logs"][0]["name"]) == ("two-stage", "a run")
+    assert {p["name"] for p in data["parameters"]} == {*stage_1_names(truck), *stage_2_names(truck)}
+    loaded = Vehicle.loads(result.vehicle.to_toml()).parameters()
+    assert {p["name"]: loaded[p["name"]] for p in data["parameters"]} == pytest.approx(
+        {p["name"]: p["value"] for p in data["parameters"]}, rel=1e-9
+    )
 
 
 @pytest.mark.slow
 def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([without(simulate(truck, count=5, seed=4), "roll_rate")], guess)
+    result = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess)
     assert any("Stage 2 skipped" in note and "roll_rate.semitrailer" in note for note in result.notes)
     assert result[HEIGHT].verdict is Verdict.NOT_EXCITED
     assert list(result.histories) == ["stage 1"]
@@ -108,23 +94,18 @@ def test_an_uncertain_number_that_no_stage_has_is_named(truck: Vehicle) -> None:
 
 @pytest.mark.slow
 def test_at_bound(truck: Vehicle) -> None:
-    stiff = {
-        "semitrailer.roll_stiffness": 2.5,
-        "semitrailer.tyre_roll_stiffness": 2.5,
-        "fifth_wheel.roll_stiffness": 2.5,
-    }
-    values = truck.parameters()
-    other = truck.replace({name: values[name] * factor for name, factor in stiff.items()})
-    result = identify([simulate(other, count=2, seed=6)], truck)  # it rolls less than with any payload height
+    """The truck rolls less than with any payload height."""
+    stiff = ("semitrailer.roll_stiffness", "semitrailer.tyre_roll_stiffness", "fifth_wheel.roll_stiffness")
+    other = truck.replace({name: 2.5 * truck.parameters()[name] for name in stiff})
+    result = identify([simulate(other, count=1, seed=6)], truck)
     assert result[HEIGHT].verdict is Verdict.AT_BOUND
     assert result["semitrailer.cog_height"].verdict is Verdict.AT_BOUND
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factors", [(1.0, 1.0, 0.04, 1.0), (9.0, 1.0, 1.0, 1.0)])
-def test_an_implausible_start(truck: Vehicle, factors: tuple[float, ...]) -> None:
+def test_an_implausible_start(truck: Vehicle) -> None:
     """It may fail, but what has converged is right."""
-    result = identify([simulate(truck, count=2, seed=6)], guesses(truck, factors))
+    result = identify([simulate(truck, count=1, seed=6)], guesses(truck, (9.0, 1.0, 1.0, 1.0)))
     true = truck.parameters()
     for e in result.parameters:
         assert e.verdict is not Verdict.CONVERGED or abs(e.value - true[e.name]) < 3 * e.sigma
@@ -143,23 +124,11 @@ def test_not_converged_when_stopped_early(truck: Vehicle) -> None:
 
 @pytest.mark.slow
 def test_delay_of_the_steer_angle(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=3, seed=3)
+    record = simulate(truck, count=2, seed=3)
     delayed = np.interp(record.time - 0.08, record.time, record.signals["steer.tractor.front"])
     result = identify([record.with_signals({"steer.tractor.front": delayed})], guess)
     delay = next(e for e in result.sensors if e.name == "steer.tractor.front.delay")
     assert delay.value == pytest.approx(0.08, abs=0.005)
-    within(result, truck, 0.03, 0.05)
-
-
-@pytest.mark.slow
-def test_slow_segments_and_gaps_are_not_used(truck: Vehicle, guess: Vehicle) -> None:
-    record = simulate(truck, count=5, seed=8)
-    speed = record.signals["speed"].copy()
-    speed[1600:2000] = 2.0
-    keep = (record.time < 30) | (record.time > 34)
-    signals = {n: v[keep] for n, v in record.with_signals({"speed": speed}).signals.items()}
-    result = identify([Record(time=record.time[keep], signals=signals)], guess)
-    assert result.logs[0].used == pytest.approx(40 - 4 - 4, abs=0.2)
     within(result, truck, 0.03, 0.05)
 
 
@@ -176,49 +145,6 @@ def test_the_settings_of_the_article_keep_the_bias_of_its_stage_1(truck: Vehicle
             assert -0.06 < error < -0.005, name  # the yaw model on a truck that rolls
             assert result[name].settling_time is not None
             assert result[name].settling_time > 2 * 8, name  # more than two lane changes
-    same = identify([simulate(truck, count=15, seed=3, roll=False)], guess, article())
-    assert all(abs(errors(same, truck)[name]) < 0.01 for name in stage_1_names(truck))
-
-
-@pytest.mark.slow
-def test_a_chain_of_three_units(truck: Vehicle) -> None:
-    fields = truck.model_dump()
-    lead, last = fields["units"][1], {**fields["units"][1], "name": "last_trailer"}
-    lead["name"] = "lead_trailer"
-    train = Vehicle(
-        name="B-double",
-        units=(fields["units"][0], lead, last),
-        couplings=(
-            fields["couplings"][0],
-            {**fields["couplings"][0], "name": "second_wheel", "leading_position": -9.0},
-        ),
-    )
-    record = simulate(train, count=3, seed=1)
-    names = stage_1_names(train)
-    assert len(names) == 6
-    assert len(stage_2_names(train)) == 2
-    values = train.parameters()
-    start = train.replace({n: values[n] * f for n, f in zip(names, (0.9, 1.1, 0.9, 1.1, 0.9, 1.1), strict=True)})
-    result = identify([record], start)
-    for e in result.parameters:
-        assert e.sigma is not None
-        assert abs(e.value - values[e.name]) < 4 * e.sigma, e.name
-
-
-@pytest.mark.slow
-def test_result_as_json_and_as_a_vehicle(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, count=2, seed=9, name="a run")], guess)
-    data = json.loads(result.to_json())
-    assert data["method"] == "two-stage"
-    assert {p["name"] for p in data["parameters"]} == {*stage_1_names(truck), *stage_2_names(truck)}
-    assert set(data["parameters"][0]) >= {"name", "value", "sigma", "unit", "initial", "verdict"}
-    assert {p["name"] for p in data["derived"]} == {"semitrailer.cog_height", "semitrailer.roll_inertia"}
-    assert data["logs"][0]["name"] == "a run"
-    assert data["settings"]["tolerance"] == 0.01
-    loaded = Vehicle.loads(result.vehicle.to_toml())
-    for parameter in data["parameters"]:
-        assert loaded.parameters()[parameter["name"]] == pytest.approx(parameter["value"], rel=1e-9)
-    assert loaded.steer_signals() == truck.steer_signals()
 
 
 @pytest.mark.parametrize("missing", ["speed", "steer", "yaw_rate"])
@@ -235,19 +161,3 @@ def test_everything_fixed(truck: Vehicle) -> None:
     assert {e.verdict for e in result.parameters} == {Verdict.FIXED}
     with pytest.raises(VehicleError, match="given: everything of stage 1 is exact"):
         identify([record], truck, article(given=everything))
-
-
-@pytest.mark.slow
-def test_a_single_unit() -> None:
-    tractor = get("cheng_cebon_2011").units[0]
-    alone = Vehicle(name="alone", units=(tractor,))
-    record = simulate(alone, count=3, seed=1)
-    guess = alone.replace({"tractor.front.cornering_stiffness": 4.0e5, "tractor.drive.cornering_stiffness": 9.0e5})
-    result = identify([record], guess)
-    assert [e.name for e in result.parameters] == [
-        "tractor.front.cornering_stiffness",
-        "tractor.drive.cornering_stiffness",
-    ]
-    for e in result.parameters:
-        assert e.sigma is not None
-        assert abs(e.value - alone.parameters()[e.name]) < 3 * e.sigma, e.name

@@ -169,32 +169,6 @@ def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) 
     np.testing.assert_allclose(z[:, own], fit.x[len(shared) :].reshape(2, -1), atol=0.08)
 
 
-def test_white_innovations_give_both_covariances_alike(noisy: Stage1) -> None:
-    posterior = noisy.posterior()
-    ratio = np.sqrt(np.diag(posterior.sandwich) / np.diag(posterior.covariance))
-    assert ((ratio > 0.6) & (ratio < 1.4)).all()
-    assert not posterior.unstable
-
-
-def test_rejected_measurements_contain_no_information(noisy: Stage1) -> None:
-    """A gyro that is wrong but for half a second, too long for a spike, counts like one without the other samples, if
-    the measurements are gated."""
-    settings, truck = replace(SMOOTH, check=False), noisy.dataset.initial_vehicle
-
-    def changed(change: float) -> Stage1:
-        records = noisy.dataset.records
-        added = [np.where(np.abs(r.time - 4.0) < 0.25, 0.0, change) for r in records]
-        return Stage1(
-            [r.with_signals({YAW: r.signals[YAW] + a}) for r, a in zip(records, added, strict=True)], truck, settings
-        )
-
-    wrong, without = changed(1e4), changed(np.nan)
-    gated, expected = (np.sqrt(np.diag(of.posterior(factor=1e4).covariance)) for of in (wrong, without))
-    np.testing.assert_allclose(gated, expected, rtol=1e-3)
-    all_counted, right = (np.sqrt(np.diag(of.posterior(gated=False).covariance)) for of in (wrong, noisy))
-    np.testing.assert_allclose(all_counted, right, rtol=1e-6)
-
-
 def test_the_bias_is_the_error_of_the_yaw_model(truck: Vehicle) -> None:
     """Against estimates from a log without noise of the truck that rolls."""
     quiet = TwoStage(adapt_noise=False, given={"sensors": "exact"})
@@ -206,15 +180,6 @@ def test_the_bias_is_the_error_of_the_yaw_model(truck: Vehicle) -> None:
     errors = [np.log(result.values[u.name] / u.centre) / u.scale for u in stage.unknowns]
     assert max(np.abs(errors)) > 0.02
     np.testing.assert_allclose(bias, errors, atol=0.15 * max(np.abs(errors)))
-
-
-def test_an_unstable_vehicle_has_the_covariance_of_the_prior(noisy: Stage1) -> None:
-    names = {"tractor.drive.cornering_stiffness": 1e4, "tractor.front.cornering_stiffness": 3e6}
-    posterior = noisy.posterior(**names)
-    assert posterior.unstable
-    np.testing.assert_array_equal(posterior.covariance, np.eye(len(posterior.names)))
-    np.testing.assert_array_equal(posterior.sigma, 1.0)
-    assert posterior.excited("tractor.drive.cornering_stiffness", 0.1)
 
 
 def test_sigma_and_excitation() -> None:

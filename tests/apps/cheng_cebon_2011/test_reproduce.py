@@ -9,11 +9,10 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011.comparison import compare
 from fifthwheel.apps.cheng_cebon_2011.experiments import FRONT, YAW_INERTIA
-from fifthwheel.apps.cheng_cebon_2011.outcomes import history_table, parameter_table
+from fifthwheel.apps.cheng_cebon_2011.outcomes import parameter_table
 from fifthwheel.apps.cheng_cebon_2011.reproduce import reproduce
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.truck import get
-from tests.apps.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome
 
 program = importlib.import_module("fifthwheel.apps.cheng_cebon_2011.reproduce")
 
@@ -40,19 +39,6 @@ def test_what_it_refuses(options, error, message, tmp_path: Path, monkeypatch: p
         reproduce(tmp_path, **options)
 
 
-def test_arms_are_selected(monkeypatch: pytest.MonkeyPatch):
-    def made(**_: object):
-        return synthetic_experiment("simulation")
-
-    monkeypatch.setattr(program, "section_3", made)
-    monkeypatch.setattr(program, "section_4", lambda **_: synthetic_experiment("test vehicle", ("article",)))
-    experiments, changed = program.simulate(program.QUICK, lambda *_: None, ["default"])
-    assert {name: [arm.name for arm in e.arms] for name, e in experiments.items()} == {"simulation": ["default"]}
-    assert not changed
-    own, _ = program.simulate(program.QUICK, lambda *_: None, [], get("cheng_cebon_2011"))
-    assert "test vehicle" not in own
-
-
 def test_another_truck_is_not_compared_with_published_numbers(simulation):
     experiments, outcomes = simulation
     own = {name: replace(e, published=False) for name, e in experiments.items()}
@@ -74,16 +60,3 @@ def test_parameters_of_every_seed(simulation):
     assert inertia[1]["rms.sideslip.semitrailer"] == pytest.approx(0.002)
     front = next(r for r in rows if r["parameter"] == FRONT)
     assert (front["truth_low"], front["truth_high"], front["unit"]) == (440e3, 460e3, "N/rad")
-
-
-def test_histories_of_one_seed():
-    made = synthetic_experiment("simulation")
-    outcomes = [synthetic_outcome(made, "article", seed) for seed in (0, 1)]
-    rows = history_table({made.name: made}, outcomes).to_pylist()
-    assert {row["seed"] for row in rows} == {0}
-    state = [row for row in rows if row["name"] == "roll.semitrailer"]
-    assert len(state) == len(TIME)
-    assert state[5]["estimate"] - state[5]["truth"] == pytest.approx(0.001)
-    inertia = [row for row in rows if row["name"] == YAW_INERTIA]
-    assert [row["time"] for row in inertia] == list(outcomes[0].histories[YAW_INERTIA][0])
-    assert {row["truth"] for row in inertia} == {None}

@@ -83,10 +83,11 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def identified(folder, tmp_path_factory) -> tuple[Path, dict]:
-    """One identification of two logs with a third predicted: the folder, and the JSON that was printed."""
+    """One identification of two logs with a third predicted and a note: the folder, and the JSON that was printed."""
     out = tmp_path_factory.mktemp("result") / "deep" / "out"
     logs = [folder / "first.csv", folder / "second.parquet"]
     arguments = ["identify", *logs, "-v", TRUCK, *LINEAR, "-o", out, "--validate", folder / "flat.csv", "--json"]
+    arguments += ["--note", "40 t, dry", "--author", "J. Smith"]
     found = CliRunner().invoke(cli.app, [str(a) for a in arguments], catch_exceptions=False)
     assert found.exit_code == 0
     assert found.stderr == ""

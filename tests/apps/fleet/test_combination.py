@@ -42,56 +42,41 @@ def estimates(result, k):
     return {unknown.name: result.estimate(k, unknown) for unknown in result.parameters(k)}
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("tractor.front.cornering_stiffness", (None, None)),
-        ("steer.tractor.front.gain", (None, None)),
-        ("mass_scale", (None, None)),
-        ("time_base", (None, None)),
-        ("speed.delay", (None, None)),
-        ("tractor.mass", (None, None)),
-        ("tractor.axle_positions", (None, None)),
-        ("tractor.drive.relative_friction", (None, None)),
-        ("semitrailer.cornering_stiffness", ("A", None)),
-        ("semitrailer.roll_stiffness", ("A", None)),
-        ("semitrailer.axle_positions", ("A", None)),
-        ("fifth_wheel.roll_stiffness", ("A", None)),
-        ("tyre.shape", ("A", None)),
-        ("body.drag_area", ("A", None)),
-        ("yaw_rate.semitrailer.gain", ("A", None)),
-        ("semitrailer.payload.height", ("A", "steel")),
-        ("semitrailer.payload.mass", ("A", "steel")),
-        ("semitrailer.yaw_inertia", ("A", "steel")),
-        ("semitrailer.mass", ("A", "steel")),
-        ("semitrailer.cog", ("A", "steel")),
-        ("semitrailer.static_load", ("A", "steel")),
-        ("tractor.drive.static_load", ("A", "steel")),
-        ("road.friction", (None, None)),
-    ],
-)
-def test_what_trips_share(name, expected) -> None:
+OWNERS = {
+    (
+        None,
+        None,
+    ): """tractor.front.cornering_stiffness steer.tractor.front.gain mass_scale time_base speed.delay tractor.mass
+        tractor.axle_positions tractor.drive.relative_friction road.friction""",
+    ("A", None): """semitrailer.cornering_stiffness semitrailer.roll_stiffness semitrailer.axle_positions
+        fifth_wheel.roll_stiffness tyre.shape body.drag_area yaw_rate.semitrailer.gain""",
+    ("A", "steel"): """semitrailer.payload.height semitrailer.payload.mass semitrailer.yaw_inertia semitrailer.mass
+        semitrailer.cog semitrailer.static_load tractor.drive.static_load""",
+}
+"""Names of numbers by the trailer and load that trips must share for them."""
+
+
+def test_what_trips_share() -> None:
     """Axle loads of the tractor depend on the load too; the tyre law holds for the tyres of tractor and trailer."""
     log = Labels(tractor="tractor", trailer="A", load="steel", road="track")
-    unknown = log.owned(name)
-    assert (unknown.of("trailer"), unknown.of("load")) == expected
-    of_road = name == "road.friction"
-    assert (replace(log, tractor="lorry").owned(name) == unknown) == of_road
-    assert unknown.of("log") is None
-    assert (replace(log, road="").owned(name).of("log") is None) != of_road
-
-
-def test_only_estimated_parameters_are_reported() -> None:
-    """Not what is uncertain of the vehicle file: it has no row in the tables, and no change of it is tested."""
-    result = combined(history(np.random.default_rng(11), trips=2)[1])
-    assert {u.name for u in result.parameters(1)} == set(PARAMETERS)
-    assert "tractor.mass" in {u.name for u in result.layout.unknowns}
+    for expected, names in OWNERS.items():
+        for name in names.split():
+            unknown = log.owned(name)
+            assert (unknown.of("trailer"), unknown.of("load")) == expected, name
+            of_road = name == "road.friction"
+            assert (replace(log, tractor="lorry").owned(name) == unknown) == of_road
+            assert unknown.of("log") is None
+            assert (replace(log, road="").owned(name).of("log") is None) != of_road
 
 
 @pytest.mark.slow
 def test_intervals_cover() -> None:
-    """90 % intervals of every parameter at the first, a middle and the last trip, with drift and uncertain masses."""
-    rng, inside = np.random.default_rng(3), []
+    """90 % intervals of every parameter at the first, a middle and the last trip, with drift and uncertain masses.
+
+    The p-values of the trips are uniform, and at most the stated 30 % of the trucks report a change (95 % limit of the
+    binomial distribution).
+    """
+    rng, inside, p_values, alarms, stated = np.random.default_rng(3), [], [], [], 0.3
     for _ in range(60):
         truck = Synthetic(rng)
         rows, truth = [], []
@@ -100,20 +85,17 @@ def test_intervals_cover() -> None:
             truth.append(truck.z.copy())
             rows.append(truck.trip(3 * k))
         result = combined(rows, false_alarms=1e-6)
+        p_values += [*result.p_values]
+        alarms.append(bool(combined(rows, false_alarms=stated).changes))
         for k in (0, 5, 9):
             for name, (estimate, sigma) in estimates(result, k).items():
                 i = NAMES.index(name)
                 inside.append(abs(estimate - value(truth[k][i], i)) < 1.645 * sigma)
     assert 0.85 < np.mean(inside) < 0.95
-
-
-def test_tractor_parameters_profit_from_all_trailers() -> None:
-    rng = np.random.default_rng(4)
-    truck = Synthetic(rng, uncertain=False)
-    rows = [truck.trip(k, trailer="AB"[k % 2]) for k in range(8)]
-    all_trips, alone = (combined(part, walk=0.0).variance[-1][0] ** 0.5 for part in (rows, rows[:1]))
-    assert all_trips < 0.45 * alone
-    assert len([u for u in combined(rows).layout.unknowns if u.name == NAMES[2]]) == 2
+    assert 0.43 < np.mean(np.array(p_values) < 0.5) < 0.57
+    assert np.mean(alarms) <= stated + 1.645 * np.sqrt(stated * (1 - stated) / len(alarms))
+    # not what is uncertain of the vehicle file: it has no row in the tables, and no change of it is tested
+    assert {u.name for u in result.parameters(1)} == set(PARAMETERS)
 
 
 def test_two_trucks_share_nothing() -> None:
@@ -127,17 +109,6 @@ def test_two_trucks_share_nothing() -> None:
     for name in ("mass_scale", "time_base"):
         owners = {u.owner for u in result.layout.unknowns if u.name == name}
         assert owners == {(("tractor", "lorry"),), (("tractor", "tractor"),)}
-
-
-def test_prior_counts_once() -> None:
-    """Trips without information leave the prior."""
-    truck = Synthetic(np.random.default_rng(5), uncertain=False)
-    rows = [truck.trip(k, sigma=1e4) for k in range(5)]
-    result = combined(rows, walk=0.0)
-    for unknown in result.parameters(4):
-        if unknown.name in PARAMETERS:
-            i = result.layout.unknowns[unknown]
-            assert result.variance[4][i] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
@@ -175,13 +146,13 @@ def load(truck) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("change", "kind"), [(tyres, "tyres"), (load, "load")])
 def test_a_change_is_found_and_dated(change, kind) -> None:
-    """In at least 9 of 10 trucks with the right kind and date; on tyres by 15 %, on the load by 25 % and 0.3 m."""
+    """In 5 trucks with the right kind and date; of tyres by 15 %, of the load by 25 % and 0.3 m."""
     rng, hits = np.random.default_rng(7), 0
-    for _ in range(20):
+    for _ in range(5):
         _, rows = history(rng, trips=12, change=(6, change))
         changes = combined(rows, trucks=20).changes
         hits += any(c.kind.name == kind and c.trip == 6 for c in changes) and len(changes) == 1
-    assert hits >= 18
+    assert hits == 5
 
 
 def test_a_single_different_trip_is_an_outlier() -> None:
@@ -285,16 +256,3 @@ def test_the_changes_of_a_truck(of_truck) -> None:
     assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(6, unknown), rel=1e-9)
     expected = (change.probability, change.statistic, change.threshold)
     assert (row["probability"], row["statistic"], row["threshold"]) == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_false_alarms_are_as_stated() -> None:
-    """Of 60 fleets of 4 trucks without a change at most the stated 30 % report one (95 % limit of the binomial
-    distribution), and the p-values of the trips are uniform."""
-    rng, stated = np.random.default_rng(10), 0.3
-    results = [[combined(history(rng, trips=8)[1], false_alarms=stated, trucks=4) for _ in range(4)] for _ in range(60)]
-    alarms = np.mean([any(result.changes for result in fleet) for fleet in results])
-    p_values = np.concatenate([result.p_values for fleet in results for result in fleet])
-    assert 0.02 < alarms <= 0.3 + 1.645 * np.sqrt(0.3 * 0.7 / 60)
-    assert 0.43 < np.mean(p_values < 0.5) < 0.57
-    assert 0.07 < np.mean(p_values < 0.1) < 0.13

@@ -12,11 +12,11 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.apps.cluster import Lost
-from fifthwheel.apps.fleet import FleetRun, FleetSettings, Trip, read_manifest, report, run, storage, trips
+from fifthwheel.apps.fleet import FleetSettings, Trip, read_manifest, report, run, storage, trips
 from fifthwheel.apps.fleet.dataset import TripDataset
 from fifthwheel.apps.fleet.report import limit
 from fifthwheel.apps.fleet.tables import SCHEMAS, Rows
-from fifthwheel.apps.fleet.trips import TripJob, TripOutcome, log_knowledge
+from fifthwheel.apps.fleet.trips import TripJob, log_knowledge
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.timestamps import DATES
@@ -30,6 +30,21 @@ RUN = import_module("fifthwheel.apps.fleet.run")
 
 def rows(path, name):
     return pq.read_table(path / f"{name}.parquet").to_pylist()
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A fleet of one truck with two trips, which are identified."""
+    folder = tmp_path_factory.mktemp("done")
+    run(make_fleet(folder, trucks=1, trips=2), folder / "out", settings=FAST, jobs=1)
+    return folder
+
+
+@pytest.fixture
+def copied(done, tmp_path):
+    """Manifest and data set of a copy of that fleet, whose trips are known."""
+    shutil.copytree(done, tmp_path / "fleet")
+    return tmp_path / "fleet" / "manifest.csv", tmp_path / "fleet" / "out"
 
 
 @pytest.fixture(scope="module")
@@ -68,34 +83,13 @@ def test_the_row_of_a_trip_has_its_estimates_and_its_information(fleet) -> None:
     assert row["covariance_names"] == names
     assert row["covariance"] == result.covariance.among(names).covariance.ravel().tolist()
     assert [(e["name"], e["value"]) for e in row["sensors"]] == [(e.name, e.value) for e in result.sensors]
-    assert {key: row[key] for key in ("truck", "trailer", "load", "tractor", "error", "date")} == {
-        "truck": "truck 0",
-        "trailer": "A",
-        "load": "steel",
-        "tractor": "tractor",
-        "error": "",
-        "date": trip.date,
-    }
+    labels = {"truck": "truck 0", "trailer": "A", "load": "steel", "tractor": "tractor", "error": "", "date": trip.date}
+    assert row | labels == row
     assert row["duration"] == record.time[-1] - record.time[0]
     assert 0 < row["seconds"] < 60
     known, own = log_knowledge(row), result.knowledge.logs[-1]
     assert known.estimated == tuple(e.name for e in (*estimated, *result.derived))
     assert known.information == own.information
-
-
-def test_what_a_run_counts() -> None:
-    """The length and the time of new trips, and the first errors."""
-    result, trip = FleetRun(path="out"), Trip(log="a.csv", truck="T", vehicle="v.toml")
-    result.count(trip, TripOutcome("new", "1", "", 1800.0, 2.5))
-    result.count(trip, TripOutcome("new", "2", "", 5400.0, 1.5))
-    result.count(trip, TripOutcome("unchanged", "3", "", 7200.0, 9.0))
-    assert (result.new, result.unchanged, result.failed, result.lost) == (2, 1, 0, 0)
-    assert (result.hours, result.seconds, result.errors) == (2.0, 4.0, [])
-    for k in range(25):
-        result.count(trip, TripOutcome("lost" if k % 5 == 0 else "failed", "4", f"error {k}", 60.0, 1.0))
-    assert (result.failed, result.lost, result.hours, result.seconds) == (20, 5, 2.0, 4.0)
-    assert result.errors == [("a.csv", f"error {k}") for k in range(20)]
-    assert result.as_dict()["errors"][0] == ["a.csv", "error 0"]
 
 
 def test_finished_trips_are_joined_now_and_then(tmp_path, monkeypatch) -> None:
@@ -152,9 +146,8 @@ def test_what_determines_the_row_of_a_trip(tmp_path, monkeypatch) -> None:
     (tmp_path / "map.toml").write_text('databases = ["a.dbc"]\n[signals]\nspeed = "v"\n')
     log = tmp_path / "a.csv"
     log.write_text("")
-    trip = Trip(
-        log=str(log), truck="T", vehicle="v.toml", trailer="A", load="steel", signals=str(tmp_path / "map.toml")
-    )
+    labels = {"truck": "T", "trailer": "A", "load": "steel"}
+    trip = Trip(log=str(log), vehicle="v.toml", signals=str(tmp_path / "map.toml"), **labels)
     job = TripJob(folder=str(tmp_path), settings=FAST, done=np.array([], dtype="S64"))
 
     def digest(trip=trip, job=job, texts=("log", "vehicle", "map")):
@@ -175,27 +168,24 @@ def test_what_determines_the_row_of_a_trip(tmp_path, monkeypatch) -> None:
     assert len(set(others)) == len(others)
 
 
-def test_a_trip_that_is_done_is_not_done_again(fleet, tmp_path) -> None:
-    folder, manifest, _ = fleet
-    before = rows(folder / "out", "trips")
-    again = run(manifest, folder / "out", settings=FAST, jobs=1)
-    assert (again.new, again.unchanged) == (0, 6)
-    assert rows(folder / "out", "trips") == before
-
-
-def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
-    run(manifest, out, settings=FAST, jobs=1)
-    first = rows(out, "trucks")
-    other = run(manifest, out, settings=OTHER, jobs=1)
-    assert other.new == 2
-    assert len(rows(out, "trips")) == 2
-    assert rows(out, "trucks")[0]["trips"] == 2
+def test_a_trip_is_done_again_only_with_other_settings_and_never_counted_twice(copied) -> None:
+    manifest, out = copied
+    known, first = [row["digest"] for row in rows(out, "trips")], rows(out, "trucks")
+    again = run(manifest, out, settings=FAST, jobs=1)
+    assert (again.new, again.unchanged) == (0, 2)
+    assert [row["digest"] for row in rows(out, "trips")] == known
+    earlier = (out / "fleet.json").read_bytes()
+    assert run(manifest, out, settings=OTHER, jobs=1).new == 2
+    assert len(rows(out, "trips")) == rows(out, "trucks")[0]["trips"] == 2
     assert rows(out, "trucks")[0]["sigma"] == pytest.approx(first[0]["sigma"], rel=0.02)
+    (out / "fleet.json").write_bytes(earlier)
+    with pytest.raises(FifthwheelError, match=r"parquet: not of the run of fleet.json.*run the fleet again"):
+        report(out, out.parent / "fleet.html")
 
 
-def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
+def test_damaged_trips_are_recorded_and_stop_nothing(copied) -> None:
+    manifest, out = copied
+    tmp_path = manifest.parent
     (tmp_path / "bad.parquet").write_bytes(b"PAR1 damaged")
     (tmp_path / "wrong.toml").write_text("[[unit]]\nname = 3\n")
     lines = manifest.read_text().splitlines()
@@ -206,15 +196,14 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
     given = given[:1] + given[2:]
     write_manifest(manifest, given)
     result = run(manifest, out, settings=FAST, jobs=1)
-    assert (result.new, result.failed) == (1, 3)
+    assert (result.unchanged, result.failed) == (1, 3)
     messages = [f"{subject.rpartition('/')[2]}: {message}" for subject, message in result.errors]
     assert "cut short or damaged" in " ".join(messages)
     for name in ("bad.parquet", "none.csv"):
         assert sum(message.count(name) for message in messages) == 1, "a log is named once"
     findings = [item.text for item in report(out, tmp_path / "fleet.html") if item.kind == "not processed"]
     assert [text.partition(";")[0] for text in findings] == ["1 trip was not processed"] * 3, "each kind is named"
-    errors = [row["error"] for row in rows(out, "trips") if row["error"]]
-    assert len(errors) == 3
+    assert sum(bool(row["error"]) for row in rows(out, "trips")) == 3
     (tmp_path / "none.csv").write_bytes((tmp_path / given[0]["log"]).read_bytes())
     again = run(manifest, out, settings=FAST, jobs=1)
     assert (again.new, again.unchanged, again.failed) == (0, 2, 2), "the log that was missing has known samples"
@@ -255,18 +244,16 @@ def test_failed_trips_are_tried_again_when_they_may_succeed(tmp_path, monkeypatc
     assert len(read) == 5, "the disk may have space again"
 
 
-def test_trips_of_several_manifests(tmp_path) -> None:
+def test_trips_of_several_manifests(copied) -> None:
     """Trips of earlier manifests stay; they do not count with other settings, and each loss is reported."""
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
+    manifest, out = copied
     header, first, second = manifest.read_text().splitlines()
 
     def findings(*lines, settings=FAST):
         manifest.write_text("\n".join([header, *lines]))
         run(manifest, out, settings=settings, jobs=1)
-        return [item.text for item in report(out, tmp_path / "fleet.html")]
+        return [item.text for item in report(out, out.parent / "fleet.html")]
 
-    missing = first.replace("truck0_0", "wrong name")
-    assert len(findings(missing)) == 1
     assert findings(first) == []
     assert findings(second) == []
     assert rows(out, "trucks")[0]["trips"] == 2
@@ -277,35 +264,22 @@ def test_trips_of_several_manifests(tmp_path) -> None:
     assert rows(out, "trucks")[0]["trips"] == 2
 
 
-def test_a_log_that_was_moved_has_its_new_name(tmp_path) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
-    run(manifest, out, settings=FAST, jobs=1)
-    shutil.move(tmp_path / "logs/truck0_0.parquet", tmp_path / "logs/moved.parquet")
+def test_a_log_that_was_moved_has_its_new_name(copied, monkeypatch) -> None:
+    """And a truck that cannot be combined needs attention."""
+    manifest, out = copied
+    logs = manifest.parent / "logs"
+    shutil.move(logs / "truck0_0.parquet", logs / "moved.parquet")
     manifest.write_text(manifest.read_text().replace("truck0_0", "moved"))
-    assert run(manifest, out, settings=FAST, jobs=1).unchanged == 1
+    assert run(manifest, out, settings=FAST, jobs=1).unchanged == 2
     for table in ("trips", "history"):
-        assert {row["log"].rpartition("/")[2] for row in rows(out, table)} == {"moved.parquet"}
-
-
-def test_tables_of_two_runs_are_refused(tmp_path) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
-    run(manifest, out, settings=FAST, jobs=1)
-    earlier = (out / "fleet.json").read_bytes()
-    run(manifest, out, settings=OTHER, jobs=1)
-    (out / "fleet.json").write_bytes(earlier)
-    with pytest.raises(FifthwheelError, match=r"parquet: not of the run of fleet.json.*run the fleet again"):
-        report(out, tmp_path / "fleet.html")
-
-
-def test_a_truck_that_cannot_be_combined_needs_attention(tmp_path, monkeypatch) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
+        assert {row["log"].rpartition("/")[2] for row in rows(out, table)} == {"moved.parquet", "truck0_1.parquet"}
 
     def refuse(*_, **__):
         raise FifthwheelError("two names of one unit")
 
     monkeypatch.setattr("fifthwheel.apps.fleet.tables.combine", refuse)
     assert run(manifest, out, settings=FAST, jobs=1).errors == [("truck 0", "two names of one unit")]
-    (finding,) = report(out, tmp_path / "fleet.html")
+    (finding,) = report(out, out.parent / "fleet.html")
     assert (finding.truck, finding.kind) == ("truck 0", "not combined")
     assert "two names of one unit" in finding.text
 
@@ -341,51 +315,29 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
     assert "<img" not in page
 
 
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({}, "70 % of the variance comes from the scale of all masses, common to the trips: measure it."),
+def test_why_a_band_does_not_narrow() -> None:
+    row = {"value": 5e5, "sigma": 5e4, "trips": 9, "excited_trips": 9, "limited_by": ["mass_scale"]}
+    common, more = "70 % of the variance comes from the {}, common to the trips: measure {}.", "More trips narrow it."
+    masses = "scale of all masses"
+    for changes, text in (
+        ({}, common.format(masses, "it")),
         ({"excited_trips": 1}, "Excitation: 1 of 9 trips determines it."),
         ({"excited_trips": 2}, "Excitation: 2 of 9 trips determine it."),
-        ({"excited_trips": 3, "limited_fraction": 0.4}, "More trips narrow it."),
-        ({"excited_trips": 2, "trips": 2, "limited_fraction": 0.4}, "More trips narrow it."),
+        ({"excited_trips": 3, "limited_fraction": 0.4}, more),
+        ({"excited_trips": 2, "trips": 2, "limited_fraction": 0.4}, more),
         ({"sigma": 1e3}, ""),
-        ({"limited_fraction": 0.4}, "More trips narrow it."),
-        (
-            {"limited_by": ["mass_scale", "road.bank"]},
-            "70 % of the variance comes from the scale of all masses and the bank of the road, common to the trips: "
-            "measure them.",
-        ),
-        ({"limited_by": [], "limited_fraction": 0.0}, "More trips narrow it."),
-    ],
-)
-def test_why_a_band_does_not_narrow(changes, text) -> None:
-    row = {"value": 5e5, "sigma": 5e4, "trips": 9, "excited_trips": 9, "limited_by": ["mass_scale"]}
-    assert limit(row | {"limited_fraction": 0.7} | changes) == text
+        ({"limited_by": ["mass_scale", "road.bank"]}, common.format(f"{masses} and the bank of the road", "them")),
+        ({"limited_by": [], "limited_fraction": 0.0}, more),
+    ):
+        assert limit(row | {"limited_fraction": 0.7} | changes) == text
 
 
-def test_load_height_beyond_a_limit(tmp_path) -> None:
-    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
-    settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
-    run(manifest, out, settings=settings, fleet=FleetSettings(height_limit=0.5), jobs=1)
-    (finding,) = report(out, tmp_path / "fleet.html")
-    assert finding.kind == "load height"
-    assert "steel" in finding.text
-    assert "above 0.50 m" in finding.text
-
-
-def test_no_data_set(tmp_path) -> None:
+def test_a_fleet_without_trips_and_wrong_settings(tmp_path):
     with pytest.raises(FifthwheelError, match="give the data set"):
         report(tmp_path, tmp_path / "fleet.html")
-
-
-@pytest.mark.parametrize("wrong", [{"tyre_walk": -1}, {"false_alarms": 0}, {"wear": 2}, {"height_limit": 0}])
-def test_settings_are_checked(wrong) -> None:
-    with pytest.raises(FifthwheelError, match=f"{next(iter(wrong))}: expected"):
-        FleetSettings(**wrong)
-
-
-def test_a_fleet_without_trips(tmp_path):
     assert run([], tmp_path, jobs=1).changes == 0
     assert rows(tmp_path, "trips") == []
     assert report(tmp_path, tmp_path / "fleet.html") == []
+    for name, wrong in (("tyre_walk", -1), ("false_alarms", 0), ("wear", 2), ("height_limit", 0)):
+        with pytest.raises(FifthwheelError, match=f"{name}: expected"):
+            FleetSettings(**{name: wrong})

@@ -127,7 +127,10 @@ def fleet(tmp_path_factory):
     return Fleet(tmp_path_factory.mktemp("fleet"))
 
 
-def check_sequence(fleet, states):
+@pytest.mark.slow
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(states=st.lists(STATES, min_size=2, max_size=6))
+def test_a_run_does_not_depend_on_earlier_runs(fleet, states) -> None:
     """Every run of a sequence gives what a first run gives; a killed one leaves the former result, or is reported."""
     out, before = fleet.new_out(), None
     for state in states:
@@ -140,17 +143,3 @@ def check_sequence(fleet, states):
         before = fleet.stated(out)
         if state.limit == "default":  # a lower limit does not invalidate what is read already
             assert before == fleet.of_first_run(state)
-
-
-@pytest.mark.slow
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(states=st.lists(STATES, min_size=2, max_size=5))
-def test_a_run_does_not_depend_on_earlier_runs(fleet, states) -> None:
-    check_sequence(fleet, states)
-
-
-@pytest.mark.slow
-@settings(max_examples=20, deadline=None)
-@given(states=st.lists(STATES, min_size=2, max_size=10))
-def test_a_run_does_not_depend_on_many_earlier_runs(fleet, states) -> None:
-    check_sequence(fleet, states)

@@ -1,7 +1,6 @@
-"""Files of a data set, local or in an object store, and the rows that it gives back."""
+"""Files of a data set and the rows that it gives back; `test_cluster.py` has an object store."""
 
 import datetime
-import shutil
 
 import pyarrow as pa
 import pytest
@@ -14,57 +13,9 @@ from fifthwheel.base.errors import FifthwheelError
 START = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 
-class Store:
-    """An object store: a folder without folders in it, whose listing is cached."""
-
-    def __init__(self, folder):
-        self.folder, self.listing = folder, None
-
-    def _path(self, name):
-        return self.folder / name.replace("/", "|")
-
-    def size(self, name):
-        return self._path(name).stat().st_size
-
-    def get_file(self, name, target):
-        shutil.copy(self._path(name), target)
-
-    def cat_file(self, name, end):
-        return self._path(name).read_bytes()[:end]
-
-    def pipe_file(self, name, data):
-        self._path(name).write_bytes(data)
-
-    def invalidate_cache(self):
-        self.listing = None
-
-    def ls(self, name, detail):
-        assert not detail
-        self.listing = self.listing or [path.name.replace("|", "/") for path in self.folder.iterdir()]
-        found = [path for path in self.listing if path.startswith(f"{name}/")]
-        if not found:
-            raise FileNotFoundError(name)
-        return sorted(found, reverse=True)
-
-    def exists(self, name):
-        return self._path(name).exists()
-
-    def rm_file(self, name):
-        self._path(name).unlink()
-
-    def modified(self, name):
-        return datetime.datetime.fromtimestamp(self._path(name).stat().st_mtime, datetime.UTC)
-
-
-@pytest.fixture(params=["local", "s3"])
-def root(request, tmp_path, monkeypatch):
-    """A folder, and a prefix of an object store."""
-    if request.param == "local":
-        return str(tmp_path / "data")
-    (tmp_path / "store").mkdir()
-    store = Store(tmp_path / "store")
-    monkeypatch.setattr(storage, "filesystem", lambda path: (store, path.removeprefix("s3://")))
-    return "s3://bucket/data"
+@pytest.fixture
+def root(tmp_path):
+    return str(tmp_path / "data")
 
 
 def test_files_are_written_listed_read_and_removed(root) -> None:
@@ -86,71 +37,46 @@ def test_files_are_written_listed_read_and_removed(root) -> None:
         storage.read_bytes(first, 5)
 
 
-def test_a_local_file_has_the_content_and_the_name(root, monkeypatch) -> None:
+def test_a_local_file_is_no_copy(root) -> None:
     path = storage.joined(root, "log.csv")
     storage.write_bytes(path, b"12345")
-    monkeypatch.setattr(storage, "MAX_LOG_SIZE", 5)
     with storage.local_file(path) as local:
-        assert (local.name, local.read_bytes()) == ("log.csv", b"12345")
-    assert local.exists() != storage.is_remote(path), "a copy is removed"
-    if storage.is_remote(path):
-        monkeypatch.setattr(storage, "MAX_LOG_SIZE", 4)
-        with pytest.raises(FifthwheelError, match="cut the log into trips"), storage.local_file(path):
-            pass
+        assert (str(local), local.read_bytes()) == (path, b"12345")
+    assert local.exists()
 
 
-@pytest.mark.parametrize("kind", ["botocore.exceptions", "other"])
-def test_errors_of_an_object_store_name_the_path(monkeypatch, kind) -> None:
+def test_errors_of_an_object_store_name_the_path(monkeypatch) -> None:
     """Others are faults of this package."""
-    error = type("Refused", (Exception,), {"__module__": kind})
-
-    def refuse(_):
-        raise error("no rights")
-
-    monkeypatch.setattr(storage, "filesystem", refuse)
-    expected = FifthwheelError if kind != "other" else error
-    with pytest.raises(expected, match="no rights") as caught:
-        storage.read_bytes("s3://bucket/a", 1)
-    assert ("s3://bucket/a: the object store refuses" in str(caught.value)) == (kind != "other")
+    for kind in ("botocore.exceptions", "other"):
+        error = type("Refused", (Exception,), {"__module__": kind})
+        monkeypatch.setattr(storage, "filesystem", lambda _, error=error: (_ for _ in ()).throw(error("no rights")))
+        with pytest.raises(error if kind == "other" else FifthwheelError, match="no rights") as caught:
+            storage.read_bytes("s3://bucket/a", 1)
+        assert ("s3://bucket/a: the object store refuses" in str(caught.value)) == (kind != "other")
 
 
-@pytest.mark.parametrize(
-    ("folder", "name", "expected"),
-    [
+def test_paths() -> None:
+    for folder, name, expected in (
         ("/data", "a.csv", "/data/a.csv"),
         ("/data", "/srv/a.csv", "/srv/a.csv"),
         ("/data", "s3://b/a.csv", "s3://b/a.csv"),
         ("s3://b/data/", "a.csv", "s3://b/data/a.csv"),
         ("s3://b/data", "/srv/a.csv", "/srv/a.csv"),
-    ],
-)
-def test_joined_paths(folder, name, expected) -> None:
-    assert storage.joined(folder, name) == expected
-    assert storage.stem(expected) == "a"
-    assert storage.parent(expected) == expected.removesuffix("/a.csv")
-
-
-@pytest.mark.parametrize("path", ["a.csv", "/a:b.csv", "s3://b/a", "gs://b", "az://b/a"])
-def test_paths_that_are_accepted(path) -> None:
-    assert storage.checked(path) == path
-
-
-@pytest.mark.parametrize("path", ["", "a\0b", "zip::s3://b/a", "s3://", "://a", "http://b/a"])
-def test_paths_that_are_refused(path) -> None:
-    with pytest.raises(FifthwheelError, match="expected a"):
-        storage.checked(path)
+    ):
+        assert storage.joined(folder, name) == expected
+        assert storage.stem(expected) == "a"
+        assert storage.parent(expected) == expected.removesuffix("/a.csv")
+    for path in ("a.csv", "/a:b.csv", "s3://b/a", "gs://b", "az://b/a"):
+        assert storage.checked(path) == path
+    for path in ("", "a\0b", "zip::s3://b/a", "s3://", "://a", "http://b/a"):
+        with pytest.raises(FifthwheelError, match="expected a"):
+            storage.checked(path)
 
 
 def row(name, digest=None, *, at=0, log_digest=None, settings="s", **changes):
     finished = START + datetime.timedelta(seconds=at)
-    known = {
-        "log": name,
-        "truck": "T",
-        "date": START,
-        "error": "",
-        "digest": name if digest is None else digest,
-        "finished": finished,
-    }
+    known = {"log": name, "truck": "T", "date": START, "error": "", "digest": name if digest is None else digest}
+    known |= {"finished": finished}
     return known | {"log_digest": log_digest or f"samples of {name}", "settings": settings} | changes
 
 
@@ -211,14 +137,8 @@ def test_which_rows_count(root) -> None:
     ]
     write(data, "part-1.parquet", [r | {"log_digest": ""} if r["log"] in "ef" else r for r in rows])
     counting = data.counting({"a": "a1", "f": "f1"}, "s").to_pylist()
-    assert [(r["log"], r["digest"]) for r in counting] == [
-        ("h", "h1"),
-        ("a", "a1"),
-        ("c", "c1"),
-        ("copy of b", "b2"),
-        ("d", "d1"),
-        ("f", "f1"),
-    ]
+    expected = [("h", "h1"), ("a", "a1"), ("c", "c1"), ("copy of b", "b2"), ("d", "d1"), ("f", "f1")]
+    assert [(r["log"], r["digest"]) for r in counting] == expected
     errors = {r["log"]: r["error"] for r in counting if r["error"]}
     assert errors.pop("c").startswith("processed with other settings")
     assert errors == {"d": "damaged", "f": "no log", "h": "damaged"}

@@ -65,23 +65,21 @@ def test_missing_states_are_not_available():
     assert message.decode(frames[1].data)["sideslip_tractor_sigma"] == "not available"
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
-def test_parameters_come_in_turn(name):
+def test_parameters_come_in_turn():
     encoder = FrameEncoder(0x500, STATES, PARAMETERS)
-    estimate = LearnedValue(name=name, value=1.25e6, sigma=0.1e6, verdict=Verdict.DOUBTFUL)
-    found = decoded(encoder, [encoder.encode_parameter(estimate, 0.0)])
-    (value,) = [found[key] for key in found if key not in ("parameter", "verdict", "relative_sigma")]
-    assert value == 1.25e6
-    assert found["relative_sigma"] == pytest.approx(0.08)
-    assert found["verdict"] == list(Verdict).index(Verdict.DOUBTFUL)
-    assert found["parameter"] == PARAMETERS.index(name)
+    for name in PARAMETERS:
+        estimate = LearnedValue(name=name, value=1.25e6, sigma=0.1e6, verdict=Verdict.DOUBTFUL)
+        found = decoded(encoder, [encoder.encode_parameter(estimate, 0.0)])
+        (value,) = [found[key] for key in found if key not in ("parameter", "verdict", "relative_sigma")]
+        assert value == 1.25e6
+        assert found["relative_sigma"] == pytest.approx(0.08)
+        assert found["verdict"] == list(Verdict).index(Verdict.DOUBTFUL)
+        assert found["parameter"] == PARAMETERS.index(name)
 
 
-def test_ids_of_29_bits_keep_their_source_address():
+def test_ids():
+    """Those of 29 bits keep their source address; those that do not fit are refused."""
     assert {number & 0xFF for number in FrameEncoder(0x18FF0080, STATES, PARAMETERS).ids} == {0x80}
-
-
-@pytest.mark.parametrize("first", [-1, 0x7FF, 0x18FFFF80, 0x1FFFFFFF])
-def test_ids_that_do_not_fit_are_refused(first):
-    with pytest.raises(FifthwheelError, match="do not fit"):
-        FrameEncoder(first, STATES, PARAMETERS)
+    for first in (-1, 0x7FF, 0x18FFFF80, 0x1FFFFFFF):
+        with pytest.raises(FifthwheelError, match="do not fit"):
+            FrameEncoder(first, STATES, PARAMETERS)

@@ -1,7 +1,6 @@
 """Learning while driving: trailers, locks, checkpoints, and changes that nobody reports."""
 
 import json
-import math
 
 import pytest
 
@@ -70,9 +69,11 @@ def test_a_changed_load_is_found_after_a_standstill_and_not_averaged_in(state):
     assert learning.learner[STIFF].value == pytest.approx(before.value, rel=1e-9)
 
 
-def test_the_same_load_after_a_standstill_continues(state):
+def test_a_restart_continues_with_the_estimates_and_the_same_load_after_a_standstill(state, learned):
     learning = make_learning(TRUCK, SIGNALS, path=state)
-    before = learning.learner[STIFF]
+    before, saved = learning.learner[STIFF], learned[0].learner[STIFF]
+    assert (before.value, before.verdict) == (saved.value, saved.verdict)
+    assert before.sigma == pytest.approx(saved.sigma, rel=1e-12)
     start = push(learning, standstill(0.0, STANDSTILL + 5))
     push(learning, samples(TRUCK, 4, start, seed=3))
     assert learning.learner.trailer == "depot 1"
@@ -81,22 +82,12 @@ def test_the_same_load_after_a_standstill_continues(state):
     assert learning._second is None
 
 
-def test_a_restart_continues_with_the_estimates(state, learned):
-    learning = make_learning(TRUCK, SIGNALS, path=state)
-    restored, before = learning.learner[STIFF], learned[0].learner[STIFF]
-    assert (restored.value, restored.verdict) == (before.value, before.verdict)
-    assert restored.sigma == pytest.approx(before.sigma, rel=1e-12)
-    assert learning.learner.trailer == "depot 1"
-
-
 def test_each_trailer_has_its_own_estimates(state):
     learning = make_learning(TRUCK, SIGNALS, path=state, trailer="depot 2")
     fresh = make_learning(TRUCK, SIGNALS)
     assert learning.learner[STIFF].sigma == pytest.approx(fresh.learner[STIFF].sigma)
-    assert (
-        learning.learner["tractor.front.cornering_stiffness"].sigma
-        < 0.5 * fresh.learner["tractor.front.cornering_stiffness"].sigma
-    )
+    front, before = (of.learner["tractor.front.cornering_stiffness"].sigma for of in (learning, fresh))
+    assert front < 0.5 * before
     learning.couple("depot 1")
     assert learning.learner[STIFF].sigma < fresh.learner[STIFF].sigma
 
@@ -123,36 +114,12 @@ def test_a_state_of_another_truck_is_refused(state):
         make_learning(TRUCK, [name for name in SIGNALS if name != "roll_rate.tractor"], path=state)
     with pytest.raises(VehicleError, match="no such parameter"):
         make_learning(TRUCK, SIGNALS, locks=["semitrailer.colour"])
-
-
-def test_a_state_that_was_learned_with_other_sensors_is_refused(state, tmp_path):
     sensors = {"yaw_rate.tractor": SensorPrior(sensor_class="mems", errors={"gain": (1.0, 0.002)})}
     with pytest.raises(SignalError, match=r"other sensor classes or uncertainties in signals.toml; give another"):
         make_learning(TRUCK, SIGNALS, path=state, sensors=sensors)
-    learning = make_learning(TRUCK, SIGNALS, sensors=sensors)
-    assert learning.learner["yaw_rate.tractor.gain"].sigma == pytest.approx(0.002)
-    learning.learner.save(tmp_path / "truck.json")
-    assert make_learning(TRUCK, SIGNALS, path=tmp_path / "truck.json", sensors=sensors).learner.trailer
-    with pytest.raises(SignalError, match="other sensor classes"):
-        make_learning(TRUCK, SIGNALS, path=tmp_path / "truck.json")
 
 
-def test_checkpoints_are_written_every_few_seconds_while_it_learns(learned, tmp_path):
-    learning, now, writer = Learning(learned[0].learner, TRUCK), [0.0], BackgroundWriter()
-    path = tmp_path / "truck.json"
-    checkpoint = Checkpoint(learning, path, writer, now=lambda: now[0])
-    now[0] = 60.0
-    checkpoint.update()
-    assert writer._jobs.empty()  # nothing was learned
-    learning.learned += 1
-    now[0] = 66.0
-    checkpoint.update()
-    writer.close()
-    assert not writer.errors
-    assert json.loads(path.read_text())["content"]["trailer"] == "depot 1"
-
-
-def test_a_full_disk_keeps_the_former_checkpoint(learned, tmp_path, monkeypatch):
+def test_checkpoints_are_written_while_it_learns_and_a_full_disk_keeps_the_former_one(learned, tmp_path, monkeypatch):
     learning, now, writer = Learning(learned[0].learner, TRUCK), [0.0], BackgroundWriter()
     path = tmp_path / "truck.json"
     path.write_text("former")
@@ -161,9 +128,12 @@ def test_a_full_disk_keeps_the_former_checkpoint(learned, tmp_path, monkeypatch)
     def full(*_):
         raise OSError(28, "No space left on device")
 
+    now[0] = 60.0
+    checkpoint.update()
+    assert writer._jobs.empty()  # nothing was learned
     monkeypatch.setattr("os.fsync", full)
     learning.learned += 1
-    now[0] = 6.0
+    now[0] = 66.0
     checkpoint.update()
     writer.close()
     assert "No space left" in writer.errors["checkpoint"]
@@ -171,12 +141,11 @@ def test_a_full_disk_keeps_the_former_checkpoint(learned, tmp_path, monkeypatch)
     monkeypatch.undo()
     writer = checkpoint._writer = BackgroundWriter()
     writer.errors["checkpoint"] = "full"
-    now[0] = 12.0
+    now[0] = 72.0
     checkpoint.update()  # tried again, although nothing was learned
     writer.close()
-    assert path.read_text() != "former"
+    assert json.loads(path.read_text())["content"]["trailer"] == "depot 1"
     assert not writer.errors
-    assert math.isfinite(learning.learner[STIFF].value)
 
 
 def test_a_number_on_the_bus_names_the_trailer(tmp_path):
@@ -200,7 +169,7 @@ def test_a_number_on_the_bus_names_the_trailer(tmp_path):
 @pytest.mark.slow
 def test_a_new_state_begins_with_knowledge_and_one_that_exists_continues(tmp_path):
     """With the trailer of the last log, unless another one is named; a trailer of the result has its own estimates."""
-    log, occasion = simulate(TRUCK, count=2, seed=5), Occasion(trailer="depot 7", load="steel")
+    log, occasion = simulate(TRUCK, count=1, seed=5), Occasion(trailer="depot 7", load="steel")
     kept = identify([log], TRUCK, OneStage(tyres="linear"), occasion=occasion).knowledge
     learning = make_learning(TRUCK, SIGNALS, knowledge=kept)
     assert learning.learner.trailer == "depot 7"

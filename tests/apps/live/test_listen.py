@@ -59,17 +59,6 @@ def run(name, folder, action, seconds=1.5, **options):
 
 
 @pytest.mark.slow
-def test_states_arrive_at_100_hz_from_a_virtual_bus(tmp_path):
-    outputs = run("virtual:test", tmp_path, lambda sender, bus: play(sender, RECORD, 1.5))
-    settled = [output for _, output in outputs][-100:]
-    late = LiveFault.OVERLOAD  # on a busy computer
-    assert sum(output.status is NodeStatus.OK or output.faults == late for output in settled) > 80
-    assert 100 < len(outputs) < 200
-    times = [output.time for _, output in outputs]
-    assert all(b > a for a, b in pairwise(times))
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(not multicast_works(), reason="needs UDP multicast")
 def test_states_arrive_from_udp_multicast(tmp_path):
     outputs = run("udp_multicast:239.74.163.2", tmp_path, lambda sender, bus: play(sender, RECORD, 1.0), port=43201)
@@ -77,15 +66,20 @@ def test_states_arrive_from_udp_multicast(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_silent_bus_is_reported_within_100_ms(tmp_path):
+def test_states_arrive_at_100_hz_and_a_silent_bus_is_reported_within_100_ms(tmp_path):
     stopped = []
 
     def action(sender, bus):
-        play(sender, RECORD, 0.7)
+        play(sender, RECORD, 1.2)
         stopped.append(time.monotonic())
         time.sleep(0.4)
 
     outputs = run("virtual:silent", tmp_path, action)
+    heard = [output for at, output in outputs if at <= stopped[0]]
+    assert 80 < len(heard) < 160
+    late = LiveFault.OVERLOAD  # on a busy computer
+    assert sum(output.status is NodeStatus.OK or output.faults == late for output in heard[-75:]) > 60
+    assert all(b.time > a.time for a, b in pairwise(output for _, output in outputs))
     first = next(at for at, output in outputs if at > stopped[0] and output.faults & LiveFault.SILENT)
     assert first - stopped[0] < 0.1
     assert all(output.status is not NodeStatus.OK for at, output in outputs if at > first)
@@ -116,41 +110,12 @@ def test_a_bus_that_goes_off_is_reported_and_opened_again(tmp_path):
     assert outputs[-1][1].status is NodeStatus.OK
 
 
-@pytest.mark.parametrize("name", ["can0", "nonsense:can0", "virtual:"])
-def test_a_wrong_bus_is_refused(name):
-    with pytest.raises(FifthwheelError, match="INTERFACE:CHANNEL"):
-        LiveBus(name, 0, [], frame_queue())
-
-
-def test_a_bus_that_cannot_be_opened_is_refused():
-    bus = LiveBus(f"socketcan:none{socket.gethostname()[:2]}", 0, [], frame_queue())
+def test_a_wrong_bus_and_one_that_cannot_be_opened_are_refused():
+    for name in ("can0", "nonsense:can0", "virtual:"):
+        with pytest.raises(FifthwheelError, match="INTERFACE:CHANNEL"):
+            LiveBus(name, 0, [], frame_queue())
     with pytest.raises(FifthwheelError, match="cannot be opened"):
-        bus.start()
-
-
-@pytest.mark.slow
-def test_a_node_that_does_not_keep_up_says_so(tmp_path):
-    class Slow:
-        def push(self, sample):
-            time.sleep(0.03)
-            return {"time": sample["time"], "status": 0}
-
-        def reset(self):
-            pass
-
-    node, queue, ended = observer_node(write_files(tmp_path)), frame_queue(), threading.Event()
-    node.estimator = Slow()
-    bus = LiveBus("virtual:slow", 0, [], queue)
-    with can.Bus(interface="virtual", channel="slow") as sender:
-        bus.start()
-        thread = threading.Thread(target=lambda: (play(sender, RECORD, 1.0), ended.set()))
-        thread.start()
-        outputs = list(listen(node, [bus], queue, ended.is_set))
-        thread.join()
-        bus.close()
-    late = [output for output in outputs if output.faults & LiveFault.OVERLOAD]
-    assert late
-    assert {output.status for output in late} == {NodeStatus.DEGRADED}
+        LiveBus(f"socketcan:none{socket.gethostname()[:2]}", 0, [], frame_queue()).start()
 
 
 @pytest.mark.slow

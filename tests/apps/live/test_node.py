@@ -6,11 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fifthwheel.apps.live.setup import completed_map, make_observer
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.can.database import Frame
-from tests.apps.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
+from tests.apps.live.truck_bus import driven, frames, observer_node, write_files
 
 RECORD = driven()
 AT = 3.0
@@ -52,15 +51,10 @@ def short(frame):
     return [frame._replace(data=frame.data[:5])] if frame.time > AT and frame.id == 257 else [frame]
 
 
-def empty(frame):
-    return [frame._replace(data=b"")] if frame.time > AT else [frame]
-
-
 FAULTS = {
     "silent": (silent, LiveFault.SILENT),
     "a message is missing": (missing, LiveFault.SIGNAL_MISSING),
     "short frames": (short, LiveFault.WRONG_LENGTH),
-    "empty frames": (empty, LiveFault.WRONG_LENGTH),
 }
 
 
@@ -99,11 +93,6 @@ def test_values_that_no_sensor_gives_are_reported(node, value, fault, within):
     assert all(output.status is not NodeStatus.OK for output in seen)
 
 
-def test_clean_values_have_no_fault(node):
-    both = LiveFault.IMPLAUSIBLE | LiveFault.FROZEN
-    assert not any(output.faults & both for output in outputs(node, stream()))
-
-
 def test_a_signal_that_is_not_available_is_reported(tmp_path):
     (tmp_path / "signals.toml").write_text(
         '[signals]\nspeed = "CCVS.wheel_based_vehicle_speed"\n"yaw_rate.tractor" = "VDC2.yaw_rate"\n'
@@ -123,9 +112,10 @@ def test_a_signal_that_is_not_available_is_reported(tmp_path):
     assert any("VDC2.yaw_rate" in column for column in found[-1].problems)
 
 
-def test_a_single_wrong_timestamp_changes_nothing(node):
-    wrong = (frame._replace(time=frame.time + 1e4) if k == 1000 else frame for k, frame in enumerate(stream()))
-    found = outputs(node, wrong)
+def test_single_wrong_timestamps_change_nothing(node):
+    """Those that are not finite, too."""
+    odd = {700: math.nan, 800: math.inf, 900: -math.inf, 1000: 1e4}
+    found = outputs(node, (frame._replace(time=odd.get(k, frame.time)) for k, frame in enumerate(stream())))
     assert any(output.faults & LiveFault.TIME_JUMP for output in found)
     assert found[-1].status is NodeStatus.OK
     assert found[-1].time < 8.0
@@ -143,52 +133,15 @@ def test_the_states_return_after_a_jump_of_the_clock(node, jump):
         assert after.status is not NodeStatus.OK
 
 
-def test_not_finite_timestamps_are_ignored(node):
-    odd = (
-        f._replace(time=[math.nan, math.inf, -math.inf][k % 3] if k % 7 == 0 else f.time)
-        for k, f in enumerate(stream())
-    )
-    assert outputs(node, odd)[-1].states["sideslip.semitrailer"] == pytest.approx(0, abs=0.1)
-
-
-@pytest.mark.slow
-def test_the_order_of_the_frames_in_a_cycle_has_no_effect(tmp_path):
-    def shuffled(seed):
-        random, batch = np.random.default_rng(seed), []
-        for frame in frames(RECORD):
-            batch.append(frame._replace(time=frame.time + (frame.id - 256) * 0.0005))
-            if len(batch) == 3:
-                yield from (batch[i] for i in (random.permutation(3) if seed else range(3)))
-                batch = []
-
-    found = [outputs(observer_node(write_files(tmp_path)), shuffled(seed)) for seed in (0, 1)]
-    late = [(a, b) for a, b in zip(*found, strict=False) if a.time > 1]
-    for a, b in late:
-        assert abs(a.states["sideslip.semitrailer"] - b.states["sideslip.semitrailer"]) < 2e-3
-    assert len(found[1]) == pytest.approx(len(found[0]), rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_flood_of_other_frames_has_no_effect(tmp_path):
+def test_frames_of_others_have_no_effect_and_random_payloads_never_give_nan_with_a_valid_status(tmp_path):
     clean = outputs(observer_node(write_files(tmp_path)), stream())
-    random = np.random.default_rng(1)
-
-    def flooded():
-        last = 0.0
-        for frame in stream():
-            for time in np.arange(last, frame.time, 1 / 4000):
-                yield Frame(float(time), int(random.integers(300, 2048)), random.bytes(8))
-            last = frame.time
-            yield frame
-
-    found = outputs(observer_node(write_files(tmp_path)), flooded())
-    assert [output.states for output in found][-300:] == [output.states for output in clean][-300:]
-
-
-def test_random_payloads_never_give_nan_with_a_valid_status(node):
+    assert not any(output.faults & (LiveFault.IMPLAUSIBLE | LiveFault.FROZEN) for output in clean)
     random = np.random.default_rng(2)
+    flood = (f for g in stream() for f in (Frame(g.time, int(random.integers(300, 2048)), random.bytes(8)), g))
+    found = outputs(observer_node(write_files(tmp_path)), flood)
+    assert [output.states for output in found][-300:] == [output.states for output in clean][-300:]
     noise = (f._replace(data=random.bytes(random.integers(0, 9))) if random.random() < 0.5 else f for f in stream())
-    assert outputs(node, noise)
+    assert outputs(observer_node(write_files(tmp_path)), noise)
 
 
 def test_a_state_that_is_not_finite_is_a_failure(node):
@@ -217,13 +170,9 @@ def test_a_second_sender_is_ignored_and_named(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("offset", [0.0, -5.0, 1e9])
-def test_a_second_bus_with_another_clock_is_aligned(node, offset):
+def test_a_second_bus_with_another_clock_is_aligned(node):
     """The clock of the second bus also runs 100 ppm fast."""
-    found = outputs(
-        node,
-        (f._replace(bus=1, time=f.time * (1 + 1e-4 * bool(offset)) + offset) if f.id == 258 else f for f in stream()),
-    )
+    found = outputs(node, (f._replace(bus=1, time=f.time * (1 + 1e-4) + 1e9) if f.id == 258 else f for f in stream()))
     assert {output.status for output in found[20:]} == {NodeStatus.OK}
     samples = [sample for output in found for sample in output.samples if "yaw_rate.semitrailer" in sample]
     times = np.array([sample["time"] for sample in samples])
@@ -260,16 +209,11 @@ class Lifting:
         raise AssertionError
 
 
-@pytest.mark.parametrize("ratio", [0.85, -0.95])
-def test_a_wheel_that_is_about_to_lift(node, ratio):
+def test_a_wheel_that_is_about_to_lift(tmp_path):
     """Is a fault of the truck, not of the states."""
-    node.estimator = Lifting(ratio)
-    found = [output for frame in stream() for output in node.receive(frame)][50:]
-    assert {output.status for output in found} == {NodeStatus.OK}
-    assert {bool(output.faults & LiveFault.WHEEL_LIFT) for output in found} == {abs(ratio) > 0.9}
-
-
-def test_settings_of_the_observer(tmp_path):
-    complete = completed_map(write_files(tmp_path))
-    settings = make_observer(TRUCK, complete, None, 5.0, friction=0.3, half_track=0.92).settings
-    assert (settings.friction, settings.half_track) == (0.3, 0.92)
+    for ratio in (0.85, -0.95):
+        node = observer_node(write_files(tmp_path))
+        node.estimator = Lifting(ratio)
+        found = [output for frame in stream() for output in node.receive(frame)][50:]
+        assert {output.status for output in found} == {NodeStatus.OK}
+        assert {bool(output.faults & LiveFault.WHEEL_LIFT) for output in found} == {abs(ratio) > 0.9}

@@ -2,20 +2,15 @@
 
 import pyarrow.parquet as pq
 import pytest
-from mcap.reader import make_reader
 
 from fifthwheel.apps.live.outputs import recorder
-from fifthwheel.apps.live.outputs.recorder import MESSAGES, PIECE, RECORD, BackgroundWriter, Recorder
+from fifthwheel.apps.live.outputs.recorder import PIECE, RECORD, BackgroundWriter, Recorder
 from fifthwheel.base.errors import FifthwheelError
 
 
 def row(k):
-    return {
-        "time": 0.01 * k,
-        "bus_time": 1.7e9 + 0.01 * k,
-        "status": 0.0,
-        "roll.tractor": float("nan") if k < 5 else 0.1,
-    }
+    roll = float("nan") if k < 5 else 0.1
+    return {"time": 0.01 * k, "bus_time": 1.7e9 + 0.01 * k, "status": 0.0, "roll.tractor": roll}
 
 
 def times(path):
@@ -23,14 +18,15 @@ def times(path):
 
 
 def test_a_run_gives_one_file(tmp_path):
-    writer, path = BackgroundWriter(), tmp_path / "run.parquet"
-    record = Recorder(path, writer)
+    """Columns that come later are empty before."""
+    record = Recorder(path := tmp_path / "run.parquet", writer := BackgroundWriter())
     for k in range(2 * PIECE + 10):
-        record.add(row(k))
+        record.add(row(k) | ({"more": 1.0} if k >= PIECE else {}))
     record.close()
     writer.close()
     assert not writer.errors
     assert times(path) == [row(k)["time"] for k in range(2 * PIECE + 10)]
+    assert pq.read_table(path)["more"].to_pylist() == [None] * PIECE + [1.0] * (PIECE + 10)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
@@ -48,42 +44,6 @@ def test_pieces_of_a_killed_run_are_readable_and_the_next_run_adds_to_them(tmp_p
     again.close()
     writer.close()
     assert times(path) == [*(row(k)["time"] for k in range(PIECE)), 50.0]
-
-
-def moving(k):
-    known = {"sideslip.tractor": 0.01, "yaw_rate.tractor": 0.1, "yaw_rate.semitrailer": 0.05}
-    known |= {f"{name}.sigma": 0.001 for name in known} | {"articulation.semitrailer": 0.001 * k, "speed": 20.0}
-    return row(k) | known | {"status": 8.0 if k % 2 else 4.0 if k < PIECE else 0.0}
-
-
-def test_messages_of_ros_2_with_a_usable_status(tmp_path):
-    decoder = pytest.importorskip("mcap_ros2.decoder")
-    record = Recorder(tmp_path / "run.mcap", writer := BackgroundWriter(), MESSAGES)
-    for k in range(PIECE + 10):
-        record.add(moving(k))
-    record.close()
-    writer.close()
-    assert not writer.errors
-    with (tmp_path / "run.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
-        assert reader.get_header().profile == "ros2"
-        found = [(channel.topic, content) for _, channel, _, content in reader.iter_decoded_messages()]
-    rows = [k for k in range(PIECE + 10) if k % 2 or k >= PIECE]
-    angles = [content.position[0] for topic, content in found if topic == "/fifthwheel/articulation"]
-    assert angles == [0.001 * k for k in rows]
-    assert sum(topic == "/fifthwheel/velocity" for topic, _ in found) == len(rows)
-    with pytest.raises(FifthwheelError, match=r"no format for '\.parquet'; end the name in \.mcap"):
-        Recorder(tmp_path / "run.parquet", writer, MESSAGES)
-
-
-def test_new_columns_are_empty_before_they_appear(tmp_path):
-    record = Recorder(tmp_path / "run.parquet", writer := BackgroundWriter())
-    record.add(row(0))
-    record.flush()
-    record.add(row(1) | {"more": 1.0})
-    record.close()
-    writer.close()
-    assert pq.read_table(tmp_path / "run.parquet")["more"].to_pylist() == [None, 1.0]
 
 
 def test_a_full_disk_is_survived_and_said(tmp_path, monkeypatch):

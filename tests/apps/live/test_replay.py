@@ -12,9 +12,8 @@ from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", [0.0, 1_700_000_000.25])
-def test_a_replay_of_simultaneous_messages_equals_the_offline_observer_to_the_last_bit(tmp_path, start):
-    signal_map = write_files(tmp_path)
+def test_a_replay_of_simultaneous_messages_equals_the_offline_observer_to_the_last_bit(tmp_path):
+    signal_map, start = write_files(tmp_path), 1_700_000_000.25
     write_candump(tmp_path / "run.log", frames(driven(), start=start))
     record = read_log(tmp_path / "run.log", signal_map)
     states = Observer(TRUCK, record.signals).batch(record)

@@ -24,22 +24,15 @@ def samples(stream):
     return [cycle for time, column in stream for cycle in sampler.put(time, column, time)]
 
 
-PERIODS = {
-    "100 Hz": (0.01, 0.01, 0.01),
-    "with a slow one": (0.01, 0.01, 0.1),
-    "1 kHz": (0.001, 0.001),
-    "50 Hz": (0.02, 0.02),
-    "10 Hz only": (0.1,),
-    "all different": (0.01, 0.02, 0.05, 0.1, 0.004),
-}
+PERIODS = ((0.01, 0.01, 0.01), (0.01, 0.01, 0.1), (0.001, 0.001), (0.02, 0.02), (0.1,), (0.01, 0.02, 0.05, 0.1, 0.004))
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.002])
-@pytest.mark.parametrize("name", PERIODS)
-def test_the_rate_is_100_hz(name, jitter):
-    found = samples(readings(PERIODS[name], jitter=jitter))
-    assert len(found) == pytest.approx(1000, rel=0.06)
-    assert all(b.time > a.time for a, b in pairwise(found))
+def test_the_rate_is_100_hz(jitter):
+    for periods in PERIODS:
+        found = samples(readings(periods, jitter=jitter))
+        assert len(found) == pytest.approx(1000, rel=0.06)
+        assert all(b.time > a.time for a, b in pairwise(found))
 
 
 def test_the_samples_follow_a_bus_with_another_period():

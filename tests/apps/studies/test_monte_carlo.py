@@ -17,7 +17,7 @@ from fifthwheel.apps.cluster import connected
 from fifthwheel.apps.studies import Estimates, Identified, Learned, SimulatedRun, StatesOf, exact_guess, observer, study
 from fifthwheel.apps.studies.estimators import as_estimator
 from fifthwheel.apps.studies.monte_carlo import _rms_errors
-from fifthwheel.apps.studies.result_table import COLUMNS, ResultTable, RunName, as_table
+from fifthwheel.apps.studies.result_table import COLUMNS, ResultTable, RunName
 from fifthwheel.apps.studies.scenarios import simulated
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.record import Record
@@ -106,11 +106,12 @@ def test_initial_values_are_drawn_by_the_seed(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_equal_seeds_give_equal_tables_in_any_number_of_processes(tmp_path: Path) -> None:
-    estimators = {"kalman": StatesOf(observer), "own": MeanYawRate()}
-    one = run(tmp_path / "one.parquet", estimators)
-    two = run(tmp_path / "two.parquet", estimators, jobs=2)
-    assert without_time(one) == without_time(two)
+def test_equal_seeds_give_equal_tables_in_any_number_of_processes_and_on_a_cluster(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    one, two = (run(tmp_path / f"{jobs}.parquet", jobs=jobs) for jobs in (1, 2))
+    with connected(jobs=2) as client:
+        cluster = run(tmp_path / "cluster.parquet", scheduler=client.scheduler.address)
+    assert without_time(one) == without_time(two) == without_time(cluster)
     assert len({row["estimate"] for row in one.to_pylist() if row["parameter"] == STIFFNESS}) == 2
 
 
@@ -139,11 +140,6 @@ def test_a_failed_run_is_a_row(tmp_path: Path) -> None:
     failed, *others = table.to_pylist()
     assert (failed["parameter"], failed["error"], failed["estimate"]) == ("", "yaw_rate.tractor: too noisy", None)
     assert all(row["error"] == "" for row in others)
-
-
-def test_what_another_process_cannot_import(tmp_path: Path) -> None:
-    with pytest.raises(FifthwheelError, match="jobs=1"):
-        run(tmp_path / "a.parquet", {"own": lambda record, vehicle: Estimates()}, jobs=2)
 
 
 class Killed(MeanYawRate):
@@ -224,27 +220,19 @@ def test_a_torn_line_of_the_journal_is_left_out(tmp_path: Path) -> None:
     assert not table.journal.exists()
 
 
-def test_a_study_is_locked(tmp_path: Path) -> None:
+def test_what_a_study_refuses(tmp_path: Path) -> None:
+    """A table in use, another file, what is no estimator, and one that another process cannot import."""
     out = tmp_path / "study.parquet"
-
-    def again(*_: object) -> None:
-        run(out)
-
     with pytest.raises(FifthwheelError, match="in use"):
-        run(out, progress=again)
-
-
-def test_another_file_is_not_replaced(tmp_path: Path) -> None:
-    out = tmp_path / "log.parquet"
-    parquet.write_table(pa.table({"time": [0.0]}), out)
+        run(out, progress=lambda *_: run(out))
+    parquet.write_table(pa.table({"time": [0.0]}), tmp_path / "log.parquet")
     with pytest.raises(FifthwheelError, match="not the table of a study"):
-        run(out)
-    assert parquet.read_table(out).column_names == ["time"]
-
-
-def test_what_is_not_an_estimator() -> None:
+        run(tmp_path / "log.parquet")
+    assert parquet.read_table(tmp_path / "log.parquet").column_names == ["time"]
     with pytest.raises(FifthwheelError, match="expected OneStage"):
         study([TRUCK], {"own": 3}, "unused.parquet")  # type: ignore[dict-item]
+    with pytest.raises(FifthwheelError, match="jobs=1"):
+        run(out, {"own": lambda record, vehicle: Estimates()}, jobs=2)
 
 
 def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
@@ -269,42 +257,6 @@ def test_settings_are_estimators(tmp_path: Path) -> None:
     assert table["rms.sideslip.semitrailer"][0].as_py() > 0
     assert as_estimator(TwoStage()) == Identified(TwoStage())
     assert as_estimator(LearnerSettings(hold=0.1)) == Learned(OneStage(), LearnerSettings(hold=0.1))
-
-
-def test_the_settling_time_is_left_out(tmp_path: Path) -> None:
-    estimators = {"kalman": StatesOf(observer)}
-    options = {"guess": exact_guess, "seeds": [3]}
-    whole, settled = (
-        run(tmp_path / "study.parquet", estimators, settling_time=s, **options).column("rms.sideslip.semitrailer")
-        for s in (0.0, 1.0)
-    )
-    assert settled[0].as_py() < 0.5 * whole[0].as_py()  # the observer does not know that the run starts straight
-
-
-@pytest.mark.slow
-def test_identification_of_the_nonlinear_truck(tmp_path: Path) -> None:
-    lane_change = {"lane change": SimulatedRun(model="nonlinear", count=1)}
-    table = run(tmp_path / "study.parquet", {"one stage": OneStage()}, manoeuvres=lane_change, seeds=[0])
-    row = next(row for row in table.to_pylist() if row["parameter"] == STIFFNESS)
-    assert row["truth_low"] < row["truth_high"]
-    assert row["truth_low"] - 3 * row["sigma"] < row["estimate"] < row["truth_high"] + 3 * row["sigma"]
-
-
-def test_columns_that_some_runs_do_not_have_are_null() -> None:
-    name = RunName("truck", "turn", "all", "own", 0)._asdict()
-    table = as_table([{**name, "rms.roll.a": 1.0}, {**name, "rms.yaw.b": 2.0}])
-    assert table.column("rms.roll.a").to_pylist() == [1.0, None]
-    assert table.column("rms.yaw.b").to_pylist() == [None, 2.0]
-
-
-@pytest.mark.slow
-def test_a_study_on_a_dask_cluster_is_that_of_one_process(tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
-    estimators = {"own": MeanYawRate()}
-    one = run(tmp_path / "one.parquet", estimators, jobs=1)
-    with connected(jobs=2) as client:
-        two = run(tmp_path / "two.parquet", estimators, scheduler=client.scheduler.address)
-    assert without_time(one) == without_time(two)
 
 
 def test_a_filter_that_gives_up_has_no_rms():

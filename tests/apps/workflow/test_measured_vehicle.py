@@ -33,20 +33,6 @@ def test_only_loads_beyond_the_tolerance_are_listed():
     assert difference.startswith(f"run: axle_load.semitrailer is {measured}, the vehicle file gives {expected}; ")
 
 
-def test_weighing_finds_the_masses_of_another_vehicle():
-    heavier = TRUCK.replace({"semitrailer.mass": 30000.0, "semitrailer.payload.mass": 16672.0})
-    weighed = weigh_vehicle(loaded(heavier.axle_loads()), TRUCK.to_toml())
-    assert weighed.vehicle.parameters()["semitrailer.mass"] == pytest.approx(30000, rel=1e-6)
-    assert weighed.vehicle.source.endswith("; weighed by run")
-    assert weighed.loads.keys() == heavier.axle_loads().keys()
-    assert axle_load_differences(weighed.vehicle, [loaded(heavier.axle_loads())]) == []
-
-
-def test_a_load_of_a_group_that_the_vehicle_does_not_have_is_refused():
-    with pytest.raises(SignalError, match=r"axle_load\.dolly: .* has no axle group dolly; it has tractor\.front"):
-        weigh_vehicle(loaded({**TRUCK.axle_loads(), "dolly": 5e4}), TRUCK.to_toml())
-
-
 def test_weights_that_are_not_axle_loads_are_named():
     """The masses follow from the axle loads alone."""
     record = loaded(TRUCK.axle_loads())

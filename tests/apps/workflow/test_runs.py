@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.apps.workflow.inputs import propose_signals, read_records, read_vehicle, survey_file
+from fifthwheel.apps.workflow.inputs import propose_signals, read_records, survey_file
 from fifthwheel.apps.workflow.results import write_results
 from fifthwheel.apps.workflow.runs import (
     IdentificationRun,
@@ -80,22 +80,9 @@ def test_an_identification_with_its_states(run, progress, capsys):
         np.testing.assert_array_equal(run.states[0].sigma[name], expected.sigma[name])
     assert [call for call in progress if call[0] == "states"] == [("states", k, 2) for k in range(3)]
     assert capsys.readouterr() == ("", "")
-
-
-@pytest.mark.slow
-def test_a_conclusion_with_remedies(run):
-    """The payload height is uncertain, so remedies are predicted at the identified vehicle."""
-    assert run.outlook is not None
-    assert run.outlook["semitrailer.payload.height"].remedies
+    assert run.outlook["semitrailer.payload.height"].remedies  # the payload height is uncertain
     assert run.as_dict()["conclusion"] == run.conclusion.as_dict()
     assert "other" in " ".join(run.conclusion.results)
-
-
-@pytest.mark.slow
-def test_no_remedies_where_all_is_known():
-    exact = run_identification([simulate(TRUCK, count=6)], TRUCK, FIVE)
-    assert {e.verdict for e in exact.identification.parameters} == {"converged"}
-    assert exact.outlook is None
 
 
 @pytest.mark.slow
@@ -110,7 +97,10 @@ def test_remedies_are_predicted_with_the_stated_sigma():
 
 @pytest.mark.slow
 def test_files_of_an_identification(run, tmp_path):
-    files = write_results(run, tmp_path)
+    files = write_results(run, tmp_path, name="bend <1>")
+    page = files["report.html"].read_text()
+    assert f"<title>{TRUCK.name}, bend &lt;1&gt;: fifthwheel</title>" in page
+    assert f'<h1>{TRUCK.name}<span class="result">, bend &lt;1&gt;</span></h1>' in page
     assert set(files) == {path.name for path in tmp_path.iterdir()} == NAMES
     assert json.loads(files["identification.json"].read_text()) == json.loads(json.dumps(run.as_dict()))
     assert Vehicle.load(files["vehicle.toml"]).parameters() == pytest.approx(run.identification.vehicle.parameters())
@@ -135,14 +125,6 @@ def test_an_assumed_number_remains_assumed_with_the_sigma_of_its_class(run, tmp_
 
 
 @pytest.mark.slow
-def test_the_report_has_the_name_of_the_result(run, tmp_path):
-    write_results(run, tmp_path, name="bend <1>")
-    page = (tmp_path / "report.html").read_text()
-    assert f"<title>{TRUCK.name}, bend &lt;1&gt;: fifthwheel</title>" in page
-    assert f'<h1>{TRUCK.name}<span class="result">, bend &lt;1&gt;</span></h1>' in page
-
-
-@pytest.mark.slow
 def test_states_with_the_sensor_errors_of_each_log(run, contents, tmp_path, capsys):
     (tmp_path / "identification.json").write_text(contents)
     stored = Identification.load(tmp_path / "identification.json")
@@ -155,17 +137,11 @@ def test_states_with_the_sensor_errors_of_each_log(run, contents, tmp_path, caps
             np.testing.assert_allclose(states.states[k].values[name], values, rtol=1e-6, atol=1e-9)
     assert states.uncertain == stored.covariance.names
     assert capsys.readouterr() == ("", "")
+    slow = OTHER.with_signals({"speed": np.ones(len(OTHER))})
+    unknown = run_states([slow], vehicle, identification=stored, check=False).notes[0]
+    assert unknown.startswith("other: not a log of the identification; its sensor errors are unknown")
     (tmp_path / "states").mkdir()
     assert set(write_results(states, tmp_path / "states")) == {"states.json", "states.parquet", "report.html"}
-
-
-@pytest.mark.slow
-def test_states_of_a_log_without_information_on_its_sensors(run, contents, tmp_path):
-    (tmp_path / "identification.json").write_text(contents)
-    stored = Identification.load(tmp_path / "identification.json")
-    slow = OTHER.with_signals({"speed": np.ones(len(OTHER))})
-    states = run_states([slow], run.identification.vehicle, identification=stored, check=False)
-    assert states.notes[0].startswith("other: not a log of the identification; its sensor errors are unknown")
 
 
 def test_states_alone():
@@ -179,53 +155,31 @@ def test_states_alone():
     assert run_states([inverted], TRUCK, check=False).states
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["", "[]", "{}", '{"sensors": []}', '{"sensors": [], "logs": []}', '{"sensors": [], "logs": [{"name": "a"}]}', "3"],
-)
-def test_another_file_than_identification_json_is_refused(text, tmp_path):
+def test_another_file_than_identification_json_is_refused(tmp_path):
     path = tmp_path / "identification.json"
-    path.write_text(text)
-    with pytest.raises(
-        SignalError, match=r"identification\.json: not an? (identification\.json|JSON file).*; .* `fifthwheel identify`"
-    ):
-        Identification.load(path)
-
-
-def test_records_of_the_same_stem_have_distinct_names(tmp_path):
-    paths = [tmp_path / "a" / "run.csv", tmp_path / "b" / "run.csv", tmp_path / "c.csv"]
-    for path in paths:
-        path.parent.mkdir(exist_ok=True)
-        write_record(OTHER, path)
-    calls = []
-    records = read_records(paths, progress=lambda *call: calls.append(call))
-    assert [record.name for record in records] == [str(paths[0]), str(paths[1]), "c"]
-    assert calls[-1] == ("reading c.csv", 1000, 1000)
-
-
-def test_a_vehicle_by_name_or_file(tmp_path):
-    TRUCK.save(tmp_path / "truck.toml")
-    assert read_vehicle("cheng_cebon_2011") == read_vehicle(str(tmp_path / "truck.toml")) == TRUCK
-    with pytest.raises(VehicleError, match=r"lorry: no such file, and not in the catalogue, which has .*cheng"):
-        read_vehicle("lorry")
+    logs = '{"sensors": [], "logs": [{"name": "a"}]}'
+    message = r"identification\.json: not an? (identification\.json|JSON file).*; .* `fifthwheel identify`"
+    for text in ("", "[]", "{}", '{"sensors": []}', '{"sensors": [], "logs": []}', logs, "3"):
+        path.write_text(text)
+        with pytest.raises(SignalError, match=message):
+            Identification.load(path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("value", [math.nan, None, math.inf, "0.1"], ids=str)
 @pytest.mark.parametrize("place", ["sensor error", "sensor error of a log", "noise"])
-def test_a_stored_value_that_is_not_a_number_is_refused(contents, tmp_path, value, place):
+def test_a_stored_value_that_is_not_a_number_is_refused(contents, tmp_path, place):
     """It made all states NaN with the status OK."""
-    path = tmp_path / "identification.json"
-    contents = json.loads(contents)
+    path, contents = tmp_path / "identification.json", json.loads(contents)
     name = "yaw_rate.tractor" if place == "noise" else "yaw_rate.tractor.offset"
-    if place == "noise":
-        contents["logs"][0]["noise"][name] = value
-    else:
-        error = next(error for error in contents["sensors"] if error["name"] == name)
-        error |= {"value": value, "log": "run" if place == "sensor error of a log" else None}
-    path.write_text(json.dumps(contents))
-    with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: (sensor_errors, |noise, )?{name}: expected "):
-        Identification.load(path)
+    for value in (math.nan, None, math.inf, "0.1"):
+        if place == "noise":
+            contents["logs"][0]["noise"][name] = value
+        else:
+            error = next(error for error in contents["sensors"] if error["name"] == name)
+            error |= {"value": value, "log": "run" if place == "sensor error of a log" else None}
+        path.write_text(json.dumps(contents))
+        with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: (sensor_errors, |noise, )?{name}: expected "):
+            Identification.load(path)
 
 
 @pytest.fixture(scope="module")
@@ -234,30 +188,13 @@ def result() -> Identification:
 
 
 @pytest.mark.slow
-def test_a_learner_of_an_identification(result: Identification) -> None:
+def test_a_learner_and_an_observer_of_an_identification(result: Identification) -> None:
     live = exported_learner(result.vehicle, None, result, min_speed=7.0, passes=2, segment=300).live
     assert {*live.setup.inputs, *live.setup.outputs} == set(result.signals)
     assert live.setup.settings == replace(FIVE, min_speed=7.0)
     assert (live.learner.relinearisation.max_passes, live.learner.relinearisation.samples) == (2, 300)
-
-
-@pytest.mark.slow
-def test_a_misspelled_signal_of_a_learner_is_refused(result: Identification) -> None:
-    signals = [*result.signals, "yaw_rate.semitrailr"]
     with pytest.raises(SignalError, match=r"yaw_rate\.semitrailr: no signal that a learner .*did you mean"):
-        exported_learner(TRUCK, signals, result)
-
-
-def test_default_signals() -> None:
-    observer = exported_observer(TRUCK, options=ObserverOptions(min_speed=7.0, friction=0.3, half_track=0.92))
-    assert (observer.settings.friction, observer.settings.half_track) == (0.3, 0.92)
-    assert observer.inputs == ("speed", *TRUCK.steer_signals())
-    assert len(observer.outputs) == 4
-    assert observer.settings.min_speed == 7.0
-
-
-@pytest.mark.slow
-def test_an_observer_of_an_identification(result: Identification) -> None:
+        exported_learner(TRUCK, [*result.signals, "yaw_rate.semitrailr"], result)
     observer = exported_observer(result.vehicle, None, result)
     assert {*observer.inputs, *observer.outputs} == set(result.signals)
     assert observer.settings == result.observer_settings()
@@ -265,19 +202,14 @@ def test_an_observer_of_an_identification(result: Identification) -> None:
         exported_observer(get("auburn_6x4"), None, result)
 
 
-def test_a_misspelled_signal_of_an_observer_is_refused() -> None:
-    signals = ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailr"]
+def test_an_observer_with_the_signals_of_a_vehicle() -> None:
+    observer = exported_observer(TRUCK, options=ObserverOptions(min_speed=7.0, friction=0.3, half_track=0.92))
+    settings = observer.settings
+    assert (settings.min_speed, settings.friction, settings.half_track) == (7.0, 0.3, 0.92)
+    assert observer.inputs == ("speed", *TRUCK.steer_signals())
+    assert len(observer.outputs) == 4
     with pytest.raises(SignalError, match=r"yaw_rate\.semitrailr: no signal that an observer .*did you mean"):
-        exported_observer(TRUCK, signals)
-
-
-def test_a_log_without_signals_has_a_survey(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("t,a,b\n" + "".join(f"{k / 10},{k},{-k}\n" for k in range(20)))
-    contents = survey_file(path)
-    assert list(contents.survey.contents) == ["t", "a", "b"]
-    assert not contents.proposal.signals.signals
-    assert "speed: not found" in contents.signals_toml
+        exported_observer(TRUCK, ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailr"])
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import fifthwheel as fw
 from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.apps.workflow.start import Note, chosen_one_stage, identification_settings, starts_of, stated_in
-from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.spelling import spelled_for
 from fifthwheel.estimate.identify import OneStage
@@ -58,23 +58,17 @@ def test_another_mass_is_another_load(result, kept, tmp_path, of):
     assert only(truck, IdentifyOptions(trailer="T 18", **chosen)).occasion.trailer == "T 18"
 
 
-def test_another_truck_is_refused(kept):
+def test_knowledge_of_another_truck_and_results_without_knowledge_are_refused(result, kept):
     lorry = fw.Vehicle.loads(TRUCK.to_toml().replace('"tractor"', '"lorry"'))
     with pytest.raises(fw.VehicleError, match="lorry: the knowledge is of a truck whose first unit is tractor"):
         only(lorry, IdentifyOptions(knowledge=kept))
-
-
-def test_a_result_without_knowledge_is_refused(result):
     with pytest.raises(fw.SignalError, match=r"the result has none.*identify its logs again"):
         only(replace(result, knowledge=None), IdentifyOptions())
-
-
-def test_knowledge_without_a_log_that_is_used_is_refused(result, tmp_path):
     logs = tuple(replace(log, set_aside="did not converge") for log in result.knowledge.logs)
     for of, reason in ((logs, r" \(run 1 did not converge\)"), ((), "")):
-        fw.Knowledge(logs=of).save(tmp_path / "merged.json")
+        fw.Knowledge(logs=of).save(kept)
         with pytest.raises(fw.SignalError, match=f"knowledge: no log that is used{reason}; identify one"):
-            only(TRUCK, IdentifyOptions(knowledge=tmp_path / "merged.json"))
+            only(TRUCK, IdentifyOptions(knowledge=kept))
 
 
 def test_the_date_is_that_of_the_file(tmp_path):
@@ -91,11 +85,8 @@ LOGS = [Path("empty.csv"), Path("laden.csv"), Path("half.csv")]
 
 def test_each_load_has_its_vehicle_and_the_last_log_ends():
     starts = starts_of(TRUCK, IdentifyOptions(load=("empty.csv=0t", "half=10 t")), LOGS)
-    assert [(start.logs, start.occasion.load) for start in starts] == [
-        ((LOGS[1],), ""),
-        ((LOGS[0],), "0t"),
-        ((LOGS[2],), "10 t"),
-    ]
+    expected = [((LOGS[1],), ""), ((LOGS[0],), "0t"), ((LOGS[2],), "10 t")]
+    assert [(start.logs, start.occasion.load) for start in starts] == expected
     masses = [start.vehicle.parameters()["semitrailer.mass"] for start in starts]
     assert masses == pytest.approx([33450, 33450 - 20122, 33450 - 10122])
     assert starts[1].folder == "load_0t"
@@ -107,21 +98,14 @@ def test_a_vehicle_file_of_a_load(tmp_path):
     assert start.vehicle.parameters()["semitrailer.payload.mass"] == pytest.approx(5e3)
 
 
-@pytest.mark.parametrize(
-    ("loads", "message"),
-    [
-        (("run.csv=0t",), r'load="run\.csv=0t"\): no log run\.csv'),
-        (("steel", "wood"), r'load="wood"\): steel is the load of all logs already'),
-    ],
-)
-def test_loads_that_are_refused(loads, message):
-    with pytest.raises(fw.SignalError, match=message):
-        starts_of(TRUCK, IdentifyOptions(load=loads), LOGS)
-
-
-def test_two_stages_have_one_load():
-    with pytest.raises(fw.FifthwheelError, match=r'load=...\): needs method="one_stage"'):
-        starts_of(TRUCK, IdentifyOptions(method="two-stage", load=("empty.csv=0t",)), LOGS)
+def test_loads_that_are_refused():
+    for options, message in (
+        ({"load": ("run.csv=0t",)}, r'load="run\.csv=0t"\): no log run\.csv'),
+        ({"load": ("steel", "wood")}, r'load="wood"\): steel is the load of all logs already'),
+        ({"method": "two-stage", "load": ("empty.csv=0t",)}, r'load=...\): needs method="one_stage"'),
+    ):
+        with pytest.raises(FifthwheelError, match=message):
+            starts_of(TRUCK, IdentifyOptions(**options), LOGS)
 
 
 def chosen(**choices):
@@ -129,11 +113,8 @@ def chosen(**choices):
     return chosen_one_stage(TRUCK, IdentifyOptions(**choices))
 
 
-def test_without_choices_they_are_the_defaults():
-    assert chosen() == (TRUCK, OneStage())
-
-
 def test_a_fraction_is_a_stated_sigma():
+    assert chosen() == (TRUCK, OneStage())
     vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=+- 20 %",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": pytest.approx(0.2 * 2.7e6)}
     assert settings == OneStage(given={"semitrailer.roll_stiffness": "+- 20 %"})
@@ -158,36 +139,31 @@ def test_a_file_of_statements(tmp_path):
         stated_in((f"@{file}", "semitrailer.roll_stiffness=+- 10 %"))
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+def test_statements_that_are_refused(tmp_path):
+    file = tmp_path / "known.toml"
+    for content, message in (
         ("", r"known\.toml: expected a table \[given\]"),
         ("given = 3", r"known\.toml: expected a table \[given\]"),
         ("[given]\nmass = [1]", r"known\.toml: mass: expected a text such as '\+- 5 %', or a number in SI, got \[1\]"),
         ("[given]\nmass = true", r"known\.toml: mass: expected a text"),
         ("[given]\nmass = nan", r"mass: expected a finite number"),
         ("[given", r"known\.toml: "),
-    ],
-)
-def test_a_file_without_statements_is_refused(tmp_path, content, message):
-    file = tmp_path / "known.toml"
-    file.write_text(content)
-    with pytest.raises(FifthwheelError, match=message):
-        stated_in((f"@{file}",))
+    ):
+        file.write_text(content)
+        with pytest.raises(FifthwheelError, match=message):
+            stated_in((f"@{file}",))
     with pytest.raises(FifthwheelError, match=r"missing\.toml: cannot be read"):
         stated_in((f"@{tmp_path / 'missing.toml'}",))
+    for statement, message in (("steer_lag=+- 0.1 s", "steer_lag"), ("tractor.colour=exact", r"tractor\.colour")):
+        with pytest.raises(FifthwheelError, match=message):
+            chosen(statements=(statement,))
 
 
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
     statements = ("tractor.yaw_inertia=free", "semitrailer.payload.height=exact")
     vehicle, settings = chosen(statements=statements, tyres="linear", check=False)
-    assert estimated_parameters(vehicle, settings) == [
-        "tractor.front.cornering_stiffness",
-        "tractor.drive.cornering_stiffness",
-        "semitrailer.cornering_stiffness",
-        "semitrailer.yaw_inertia",
-        "tractor.yaw_inertia",
-    ]
+    tyres = [f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")]
+    assert estimated_parameters(vehicle, settings) == [*tyres, "semitrailer.yaw_inertia", "tractor.yaw_inertia"]
     assert not settings.check
 
 
@@ -199,23 +175,10 @@ def test_any_load_estimates_the_laden_body():
     assert "semitrailer.payload.height" not in estimated
 
 
-def test_statements_replace_those_of_the_base():
-    base = OneStage(given={"sensors": "exact", "road.bank": "+- 1 deg"})
-    _, settings = chosen_one_stage(TRUCK, IdentifyOptions(statements=("road.bank=exact",)), base=base)
-    assert settings.given == {"sensors": "exact", "road.bank": "exact"}
-
-
 def test_the_article_keeps_its_own_statements():
     options = IdentifyOptions(method="article", statements=("tractor.front.cornering_stiffness=exact",))
     _, settings = identification_settings(TRUCK, options)
     assert settings.given == {"sensors": "exact", "tractor.front.cornering_stiffness": "exact"}
-
-
-def test_wrong_choices_are_refused():
-    with pytest.raises(FifthwheelError, match="steer_lag"):
-        chosen(statements=("steer_lag=+- 0.1 s",))
-    with pytest.raises(VehicleError, match=r"tractor\.colour"):
-        chosen(statements=("tractor.colour=exact",))
 
 
 @pytest.mark.parametrize(
@@ -239,17 +202,8 @@ def test_the_list_of_results_has_the_notes(tmp_path: Path) -> None:
     (tmp_path / "runs" / "first").mkdir(parents=True)
     (tmp_path / "runs" / "first" / "identification.json").write_text(json.dumps({"note": note}))
     assert runs.labels(Workspace(tmp_path)) == {"first": "first: New <tyres>, 8 bar (A. Driver, 2026-01-02)"}
-
-
-def test_without_a_note_nothing_is_kept(tmp_path: Path) -> None:
     assert Note.of(IdentifyOptions()) is None
     for text in ("{}", "[]", "no JSON", '{"note": null}', '{"note": 3}'):
         (tmp_path / "identification.json").write_text(text)
         assert Note.read(tmp_path / "identification.json") is None
     assert Note.read(tmp_path / "missing.json") is None
-
-
-def test_the_words_of_a_note() -> None:
-    assert str(Note(text="wet", author="B", date="2026-01-02")) == "wet (B, 2026-01-02)"
-    assert str(Note(text="wet", date="2026-01-02")) == "wet (2026-01-02)"
-    assert str(Note(author="B", date="2026-01-02")) == "B, 2026-01-02"
