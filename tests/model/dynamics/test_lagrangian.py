@@ -4,8 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fifthwheel.model.dynamics import matrices, modes
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle, get
@@ -138,11 +136,8 @@ def changed(vehicle: Vehicle, draw: Callable[[float, float], float], *, masses: 
 KINDS = {
     "article": ARTICLE,
     "truck": TRUCK,
-    "b_double": b_double(),
-    "b_double, all relaxation": with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57),
     "b_double, some relaxation": with_relaxation(b_double(), 0.0, 0.52, 0.0, 0.0, 0.57),
     "truck_dolly_semitrailer": get("truck_dolly_semitrailer"),
-    "article, trail": with_trail(ARTICLE, 0.03, 0.06, 0.05),
     "truck, some trail": with_trail(TRUCK, 0.03, 0.06),
     "b_double, all relaxation, trail": with_trail(
         with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57), 0.03, 0.06, 0.05, 0.04, 0.07
@@ -152,16 +147,6 @@ VEHICLES = KINDS | {
     f"{name}, all changed": changed(vehicle, np.random.default_rng(seed).uniform, masses=True)
     for seed, (name, vehicle) in enumerate(KINDS.items(), 1)
 }
-FAST_AND_SLOW = [
-    "article, all changed",
-    "truck, all changed",
-    "truck, some trail, all changed",
-    *(
-        pytest.param(f"{name}, all changed", marks=pytest.mark.slow)
-        for name in ("truck_dolly_semitrailer", "b_double, some relaxation", "b_double, all relaxation, trail")
-    ),
-]
-"""The oracle's equations of three units take long."""
 
 
 def difference(actual: Array, expected: Array) -> float:
@@ -172,11 +157,21 @@ def difference(actual: Array, expected: Array) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", FAST_AND_SLOW)
+@pytest.mark.parametrize(
+    ("name", "roll"),
+    [
+        ("article", True),
+        ("truck, some trail", True),
+        ("truck, some trail", False),
+        ("truck_dolly_semitrailer", True),
+        ("b_double, some relaxation", True),
+        ("b_double, all relaxation, trail", False),
+    ],
+)
 def test_equals_lagrange(name: str, roll: bool) -> None:
-    actual = matrices(VEHICLES[name], KMH_88, roll=roll)
-    expected = linear(VEHICLES[name], KMH_88, roll=roll).ordered(actual.states)
+    vehicle = VEHICLES[f"{name}, all changed"]
+    actual = matrices(vehicle, KMH_88, roll=roll)
+    expected = linear(vehicle, KMH_88, roll=roll).ordered(actual.states)
     for matrix in "EFGAB":
         assert difference(getattr(actual, matrix), getattr(expected, matrix)) < 1e-9, matrix
     ours, theirs = np.linalg.eigvals(actual.A), np.linalg.eigvals(expected.A)
@@ -200,21 +195,6 @@ def test_every_parameter_changes_both_derivations_equally() -> None:
         change = max(difference(actual.A, before.A), difference(actual.B, before.B))
         assert change > 1e-9, path
         assert max(difference(actual.A, expected.A), difference(actual.B, expected.B)) < 1e-6 * change, path
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(deadline=None, max_examples=30)
-def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
-    vehicle = changed(
-        data.draw(st.sampled_from(list(KINDS.values()))),
-        lambda low, high: data.draw(st.floats(low, high)),
-        masses=False,
-    )
-    E = matrices(vehicle, 20.0, roll=True).E
-    scale = 1 / np.sqrt(np.diag(E))
-    assert np.abs(E - E.T).max() <= 1e-12 * np.abs(E).max()
-    assert np.linalg.eigvalsh(E * scale * scale[:, None]).min() > 1e-6
 
 
 @pytest.mark.slow

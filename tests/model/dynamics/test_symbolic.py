@@ -61,10 +61,9 @@ def test_derivatives_of_a_held_variable_are_neglected() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
-def test_the_model_with_saturating_tyres(name: str) -> None:
+def test_the_model_with_saturating_tyres() -> None:
     """Its Jacobians are the differences of rates and outputs, while it brakes, without loads by the pull."""
-    truck, steer = get(name), "steer.tractor.front.offset"
+    truck, steer = get("cheng_cebon_2011"), "steer.tractor.front.offset"
     outputs = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "lateral_acceleration") for unit in truck.units]
     outputs += [f"load_transfer.{path}" for path in truck.axle_loads()]
     model = dynamics.model(truck, outputs, roll=True, bank=True, tyres="saturating", braking=True, free=[steer])
@@ -104,7 +103,7 @@ def test_factorised() -> None:
     np.testing.assert_allclose(value(factorised(ca.SX(M))(ca.SX(right))), np.linalg.solve(M, right), atol=1e-14)
 
 
-@pytest.mark.parametrize("horizon", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("horizon", [0.3, 0.9])
 def test_prediction_of_a_truck(horizon: float) -> None:
     """Within 4 % of the steady values, though the slip angles of the tyres follow within 0.02 s; trailer 1.5 %."""
     truck = get("cheng_cebon_2011").replace({"semitrailer.payload.height": 2.4})
@@ -151,7 +150,7 @@ def stepped(decay: float, dt: float, parts: int) -> float:
     return state
 
 
-@pytest.mark.parametrize("decay", [0.0, 5.0, 40.0, 100.0])
+@pytest.mark.parametrize("decay", [0.0, 40.0, 100.0])
 def test_an_exponential_step_is_of_fourth_order_and_exact_in_its_lag(decay: float) -> None:
     dt = LARGEST_LAG / 100
     exact = stepped(decay, dt, 64)
@@ -170,14 +169,13 @@ def test_an_exponential_step_of_a_lag_alone_is_exact() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tyres", ["linear", "saturating"])
-def test_long_steps_of_the_truck_agree_with_short_ones(tyres: str) -> None:
+def test_long_steps_of_the_truck_agree_with_short_ones() -> None:
     """From a state far from equilibrium, whose side forces begin at 0: as many short steps."""
     truck = get("cheng_cebon_2011")
     states = {}
     for long_steps, parts in ((True, 4), (False, 64)):
-        model = dynamics.model(truck, (), roll=True, tyres=tyres, long_steps=long_steps)
-        c = model.known_values(dynamics.all_parameters(truck, (), tyres=tyres))
+        model = dynamics.model(truck, (), roll=True, tyres="saturating", long_steps=long_steps)
+        c = model.known_values(dynamics.all_parameters(truck, (), tyres="saturating"))
         x = np.zeros(len(model.states))
         x[[model.states.index(name) for name in ("lateral_velocity.tractor", "yaw_rate.tractor")]] = -0.1, 0.08
         steers = np.linspace(0.02, 0.022, parts + 1)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fifthwheel.model.dynamics import all_parameters, frequency_response, matrices, model, modes, steady_state
+from fifthwheel.model.dynamics import all_parameters, frequency_response, matrices, model, steady_state
 from fifthwheel.model.dynamics.unit_equations import relaxation_length
 from fifthwheel.truck import Axle, AxleGroup, SprungMass, Unit, Vehicle
 from tests.model.dynamics.lagrangian import GRAVITY
-from tests.model.dynamics.test_lagrangian import TRUCK, VEHICLES, b_double, with_relaxation
+from tests.model.dynamics.test_lagrangian import TRUCK, with_relaxation
 
 OF_TYRES, SPEED = 0.6, 17.0
 SIGMA = OF_TYRES + 4e5 * (0.6 * 1.3) ** 2 / 3.9e6
@@ -85,46 +85,14 @@ def test_differences_of_slip_angles_within_a_group_act_without_lag(steered: int)
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("vehicle", [TRUCK, b_double()], ids=["truck", "b_double"])
-def test_a_relaxation_length_has_no_effect_in_a_steady_turn(vehicle: Vehicle, roll: bool) -> None:
-    steer = np.linspace(0.02, -0.01, len(vehicle.steer_signals()))
-    without = steady_state(with_relaxation(vehicle, 0.0), 15.0, steer, roll=roll)
-    for length in (0.1, 0.8):
-        actual = steady_state(with_relaxation(vehicle, length), 15.0, steer, roll=roll)
-        assert {name: actual[name] for name in without} == pytest.approx(without, rel=1e-9, abs=1e-12)
-        lagged = {name for name in actual if name.startswith("slip_angle.")}
-        assert set(actual) - set(without) == lagged
-        assert len(lagged) == sum(len(unit.axle_groups) for unit in vehicle.units)
+def test_a_relaxation_length_has_no_effect_in_a_steady_turn(roll: bool) -> None:
+    steer = np.linspace(0.02, -0.01, len(TRUCK.steer_signals()))
+    without, actual = (steady_state(with_relaxation(TRUCK, length), 15.0, steer, roll=roll) for length in (0.0, 0.8))
+    assert {name: actual[name] for name in without} == pytest.approx(without, rel=1e-9, abs=1e-12)
+    assert {name.partition(".")[0] for name in set(actual) - set(without)} == {"slip_angle"}
 
 
-def on_the_road(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with its roll axes at the level of the road."""
-    return vehicle.replace({f"{unit.name}.roll_axis_height": 0.0 for unit in vehicle.units})
-
-
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", ["truck, all changed", "b_double, all relaxation, all changed"])
-def test_a_short_relaxation_length_tends_to_none(name: str, roll: bool) -> None:
-    """Responses up to 2 Hz: the difference is proportional to the length, 0.1 % of the largest response at 1 mm.
-
-    With the roll axes at the level of the road, so that the axles do not move sideways when they roll on their tyres.
-    """
-    vehicle, frequency = on_the_road(VEHICLES[name]), np.linspace(0.05, 2.0, 20)
-    without = frequency_response(with_relaxation(vehicle, 0.0), 22.0, frequency, roll=roll)
-    n = without.shape[1]
-    difference = []
-    for length in (1e-3, 1e-4):
-        actual = frequency_response(with_relaxation(vehicle, length), 22.0, frequency, roll=roll)[:, :n]
-        difference.append((np.abs(actual - without).max(axis=0) / np.abs(without).max(axis=0)).max())
-    assert difference[0] < 2e-3
-    assert difference[1] == pytest.approx(difference[0] / 10, rel=0.02)
-    without_modes, with_modes = (modes(with_relaxation(vehicle, length), 22.0, roll=roll) for length in (0.0, 1e-4))
-    for expected, mode in zip(without_modes, with_modes, strict=False):  # the tyres' modes, at 35 kHz, come last
-        assert mode.eigenvalue == pytest.approx(expected.eigenvalue, rel=1e-3)
-
-
-@pytest.mark.parametrize("tyres", [1.6e6, 3e6, 1e9])
-@pytest.mark.parametrize("length", [1e-6, 0.45])
+@pytest.mark.parametrize(("length", "tyres"), [(1e-6, 1.6e6), (0.45, 3e6)])
 def test_an_axle_that_rolls_on_its_tyres_delays_its_side_force(length: float, tyres: float) -> None:
     """Two springs in series under a body that does not move, after a step of the slip angle.
 
@@ -212,30 +180,3 @@ def test_damper_in_series_with_the_tyres() -> None:
     assert coarse.imag / fine.imag == pytest.approx(8, rel=1e-3)
     total = sum(C for _, C, _ in SUSPENSIONS)
     assert damping < 0.5 * total  # the article's (A3) has the total
-
-
-@pytest.mark.parametrize("axle_inertia", [0.0, 300.0])
-def test_roll_mode_with_the_axles_free(axle_inertia: float) -> None:
-    """Roll mode of a body whose axles roll on their tyres, massless or with a real inertia (kg m^2): its decay is that
-    of C*, not of C."""
-    suspensions = tuple((K, 0.2 * C, tyres) for K, C, tyres in SUSPENSIONS)
-    stiffness, damping = roll_terms(sprung_on_tyres(*suspensions))
-    inertia, gravity = 8000 + 12000 * 0.9**2, 12000 * 0.9 * GRAVITY
-
-    def body(s: complex) -> complex:
-        """Moment balance of the body at the complex frequency s."""
-        moment = inertia * s**2 - gravity
-        for K, C, tyres in suspensions:
-            moment += 1 / (1 / (K + s * C) + 1 / (tyres + axle_inertia * s**2))
-        return moment
-
-    start = np.roots([inertia, damping, stiffness - gravity])[0]
-    s = start
-    for _ in range(30):  # Newton's method with a complex difference
-        h = 1e-6 * abs(s)
-        s -= body(s) * 2 * h / (body(s + h) - body(s - h))
-    assert abs(body(s)) < 1e-6 * stiffness
-    assert s.imag == pytest.approx(start.imag, rel=0.01)
-    assert s.real == pytest.approx(start.real, rel=0.03)
-    unreduced = np.roots([inertia, sum(C for _, C, _ in suspensions), stiffness - gravity])[0]
-    assert unreduced.real < 1.9 * s.real

@@ -11,12 +11,11 @@ BUS, NAME = get("articulated_bus"), "yaw_rate.rear"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("values", [{"joint.yaw_damping": 1e5}, {"joint.yaw_stiffness": 2e5, "joint.yaw_damping": 0.0}])
-def test_model_and_nonlinear_truck_agree(values: dict[str, float]) -> None:
-    """And both change by a spring or a damper."""
+def test_model_and_nonlinear_truck_agree() -> None:
+    """And both change by a spring and a damper."""
     free = BUS.replace({"joint.yaw_damping": 0.0})
     trues, models = [], []
-    for vehicle in (free, free.replace(values)):
+    for vehicle in (free, free.replace({"joint.yaw_stiffness": 1e5, "joint.yaw_damping": 5e4})):
         run = Plant(vehicle, NO_RESISTANCE).drive(sine(0.004, speed=15.0))
         truth = run.truth
         of_model = response(vehicle, run, (NAME,), tyres="saturating")[NAME]
