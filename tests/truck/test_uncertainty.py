@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.truck import Vehicle, catalogue, changes
@@ -15,7 +14,6 @@ from tests.truck.test_vehicle import unit as make_unit
 ARTICLE = catalogue.get("cheng_cebon_2011")
 PATHS = tuple(ARTICLE.parameters())
 TRIDEM = {f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")}
-PAGE = Path(__file__).parents[2] / "docs" / "vehicle.md"
 
 any_stated = st.dictionaries(st.sampled_from(PATHS), st.sampled_from([0.0, 1e-3, 0.7, 50.0]))
 
@@ -33,6 +31,10 @@ def test_names(name: str) -> None:
         expected += [f"{unit.name}.{key}" for key in ("mass", *load, "cog", "axle_positions", *behind)]
     expected += [f"{coupling.name}.yaw_damping" for coupling in vehicle.couplings if coupling.yaw_damping]
     assert list(slopes(vehicle)) == expected
+    values = vehicle.parameters()
+    for change in changes(vehicle):  # one standard deviation gives a possible vehicle
+        for sign in (-1, 1):
+            vehicle.replace({path: values[path] + sign * slope for path, slope in change.slopes.items()})
 
 
 def test_masses_by_hand() -> None:
@@ -86,11 +88,6 @@ def test_lengths_by_hand() -> None:
     assert slopes(chain)["middle.coupling"] == middle  # the wheelbase ends at the last group
 
 
-def test_a_single_unit_has_no_coupling() -> None:
-    alone = Vehicle(name="alone", units=ARTICLE.units[:1])
-    assert list(slopes(alone)) == ["mass_scale", "tractor.mass", "tractor.cog", "tractor.axle_positions"]
-
-
 def test_stated_masses_by_hand() -> None:
     by_name = slopes(ARTICLE.with_stated({"semitrailer.mass": 334.5}))
     assert not any(path.startswith("semitrailer.") for path in by_name["mass_scale"])
@@ -139,16 +136,7 @@ def test_the_axles_of_a_group_share_their_stated_error() -> None:
     assert not drive.keys() & by_name.get("tractor.axle_positions", {}).keys()
 
 
-def test_the_stated_self_steering_of_an_axle_that_does_not_steer_itself() -> None:
-    path = "semitrailer.front.self_steering"
-    by_name = slopes(ARTICLE.replace({path: 0.0}).with_stated({path: 0.1}))
-    assert by_name[path] == {path: 0.1}
-
-
-def test_an_exact_vehicle_has_no_changes() -> None:
-    assert changes(Vehicle.loads("exact = true\n" + catalogue.text("cheng_cebon_2011"))) == ()
-
-
+@settings(max_examples=30)
 @given(any_stated)
 def test_a_stated_number_has_its_stated_standard_deviation(stated: dict[str, float]) -> None:
     found = changes(ARTICLE.with_stated(stated))
@@ -159,6 +147,7 @@ def test_a_stated_number_has_its_stated_standard_deviation(stated: dict[str, flo
         assert altering == (pytest.approx({name: sigma}, rel=1e-12) if sigma else {})
 
 
+@settings(max_examples=30)
 @given(any_stated)
 def test_the_mass_of_a_unit_is_altered_only_by_weighing_it(stated: dict[str, float]) -> None:
     by_name = slopes(ARTICLE.with_stated(stated))
@@ -171,27 +160,6 @@ def test_the_mass_of_a_unit_is_altered_only_by_weighing_it(stated: dict[str, flo
             assert sum(by_name[name].get(path, 0.0) for path in masses) == 0
 
 
-@given(any_stated)
-def test_a_change_alters_the_laden_body_in_proportion_to_the_unit(stated: dict[str, float]) -> None:
-    masses = ("semitrailer.sprung.mass", "semitrailer.payload.mass")
-    if set(masses) <= set(stated):
-        return
-    for name in ("mass_scale", "semitrailer.mass"):
-        by_path = slopes(ARTICLE.with_stated(stated)).get(name, {})
-        if "semitrailer.mass" in by_path:
-            body = sum(by_path.get(path, 0.0) for path in masses)
-            assert body / by_path["semitrailer.mass"] == pytest.approx(31200 / 33450, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", catalogue.names())
-def test_one_standard_deviation_gives_a_possible_vehicle(name: str) -> None:
-    truck = catalogue.get(name)
-    values = truck.parameters()
-    for change in changes(truck):
-        for sign in (-1, 1):
-            truck.replace({path: values[path] + sign * slope for path, slope in change.slopes.items()})
-
-
 def test_lumping_does_not_alter_the_uncertainty_of_the_laden_body() -> None:
     """With both masses stated, their sum has the standard deviation of the lumped body."""
     stated = {"semitrailer.sprung.mass": 30.0, "semitrailer.payload.mass": 40.0, "semitrailer.payload.height": 0.1}
@@ -199,9 +167,7 @@ def test_lumping_does_not_alter_the_uncertainty_of_the_laden_body() -> None:
     both = [sum(change.slopes.get(path, 0.0) for path in stated if path.endswith("mass")) for change in changes(truck)]
     assert math.hypot(*both) == pytest.approx(50.0, rel=1e-12)
     assert truck.lumped().stated == {"semitrailer.sprung.mass": pytest.approx(50.0), "tractor.cog": 0.02}
-
-
-def test_an_exact_vehicle_is_exact_when_lumped() -> None:
     exact = ARTICLE.with_stated(dict.fromkeys(PATHS, 0.0))
+    assert changes(exact) == ()
     assert exact.lumped().is_exact
     assert not exact.with_stated({"semitrailer.payload.height": 0.1}).lumped().is_exact
