@@ -2,12 +2,7 @@
 
 import pytest
 
-from fifthwheel.base.errors import (
-    MAX_MESSAGE,
-    SignalError,
-    printable,
-    suggestion,
-)
+from fifthwheel.base.errors import MAX_MESSAGE, SignalError, printable, suggestion
 
 
 @pytest.mark.parametrize(

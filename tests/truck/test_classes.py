@@ -49,10 +49,7 @@ def edited(old: str, new: str) -> Vehicle:
 
 @pytest.mark.parametrize(
     ("name", "classes"),
-    [
-        ("cheng_cebon_2011", ["tractor_4x2", "semitrailer_3"]),
-        ("auburn_6x4", ["tractor_6x4", "semitrailer_2"]),
-    ],
+    [("cheng_cebon_2011", ["tractor_4x2", "semitrailer_3"]), ("auburn_6x4", ["tractor_6x4", "semitrailer_2"])],
 )
 def test_a_published_vehicle_is_within_the_uncertainty(name: str, classes: list[str]) -> None:
     """Of masses and lengths alone, the classes give every other number of the catalogue's vehicles."""

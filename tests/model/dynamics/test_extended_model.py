@@ -5,13 +5,7 @@ import pytest
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
-from fifthwheel.model.dynamics import (
-    SPEED_RATE,
-    TIME_SCALE,
-    ChainModel,
-    all_parameters,
-    model,
-)
+from fifthwheel.model.dynamics import SPEED_RATE, TIME_SCALE, ChainModel, all_parameters, model
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.lagrangian import Array, axle_compliance

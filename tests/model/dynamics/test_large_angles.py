@@ -202,10 +202,7 @@ def test_at_constant_speed_braking_has_no_effect() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("speed_rate", "retarder"),
-    [(0.0, 0.0), (-3.0, 0.0), (0.5, 0.0), (-1.0, 0.7)],
-)
+@pytest.mark.parametrize(("speed_rate", "retarder"), [(0.0, 0.0), (-3.0, 0.0), (0.5, 0.0), (-1.0, 0.7)])
 def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: float) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
     truck, rng = with_trail(with_relaxation(get("auburn_6x4"), 0.0), 0.04, 0.06), np.random.default_rng(2)

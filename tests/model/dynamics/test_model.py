@@ -12,12 +12,7 @@ from fifthwheel.base.options import TyreLaw
 from fifthwheel.model.dynamics import ChainModel, all_parameters, matrices, model, simulation
 from fifthwheel.truck import Vehicle, get
 from tests.model.dynamics.lagrangian import Array, linear
-from tests.model.dynamics.test_lagrangian import (
-    ARTICLE,
-    TRUCK,
-    VEHICLES,
-    with_relaxation,
-)
+from tests.model.dynamics.test_lagrangian import ARTICLE, TRUCK, VEHICLES, with_relaxation
 
 TYPICAL = {
     "lateral_velocity": 0.5,

@@ -166,10 +166,7 @@ def test_read_sensors(tmp_path):
     [
         ("[yaw_rat.tractor]\nbias = 1", r"sensors\.toml: yaw_rat\.tractor: .* did you mean 'yaw_rate\.tractor'"),
         ("[yaw_rate.tractor]\nbais = 1", r"yaw_rate\.tractor\.bais: no such key; did you mean 'bias'"),
-        (
-            "[yaw_rate.tractor]\nbias = '1 m/s'",
-            r"yaw_rate\.tractor\.bias: expected rad/s or",
-        ),
+        ("[yaw_rate.tractor]\nbias = '1 m/s'", r"yaw_rate\.tractor\.bias: expected rad/s or"),
         ("[yaw_rate.tractor]\nbias = 'soon'", r"yaw_rate\.tractor\.bias: expected a number with a unit"),
         ("[yaw_rate.tractor]\nbias = true", r"yaw_rate\.tractor\.bias: expected a number, or a text .* got True"),
         ("[yaw_rate.tractor]\nheld = 'yes'", r"yaw_rate\.tractor\.held: expected true or false, got 'yes'"),

@@ -120,8 +120,7 @@ def test_mass_and_yaw_inertia_equal_those_of_the_vehicle():
 
 
 @pytest.mark.parametrize(
-    ("name", "limit"),
-    [("cheng_cebon_2011", 0.01), pytest.param("truck_full_trailer", 0.02, marks=pytest.mark.slow)],
+    ("name", "limit"), [("cheng_cebon_2011", 0.01), pytest.param("truck_full_trailer", 0.02, marks=pytest.mark.slow)]
 )
 def test_linear_limit(name: str, limit: float):
     """Stiff tyres and small steer angles: the model of `dynamics`, within 1 % in yaw and 3 % in roll; with a drawbar
