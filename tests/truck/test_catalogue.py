@@ -7,10 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.model.dynamics import modes
 from fifthwheel.truck import Payload, Vehicle, catalogue, unit_of
 from fifthwheel.truck.catalogue import COMBINATIONS, edited, template
-from fifthwheel.truck.weighing import unusual_masses
 from tests.truck.test_classes import TEXT
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
@@ -74,92 +72,6 @@ def test_auburn_sums(name: str, payload: float) -> None:
         published = 130.0 if unit.name == "tractor" else 0.0
         product = published + unit.laden_sprung_mass * (sprung_cog - cog) * (height - unit.roll_axis_height)
         assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
-
-
-SEMITRAILER = "semitrailer"
-PARTS = {
-    ("b_double", "lead"): [
-        (4800, -4.0, 9.3, 0.0),
-        (13000, -2.6, 6.1, 2.11),
-        *[(700, x, 0.0, 0.0) for x in (-5.2, -6.5, -7.8)],
-    ],
-    ("articulated_bus", "front"): [
-        *((mass, -2.5, 10.4, 2.5) for mass in (6200, 4800)),
-        (700, 0.0, 0.0, 0.0),
-        (900, -5.9, 0.0, 0.0),
-    ],
-    ("articulated_bus", "rear"): [
-        (3400, -3.77, 7.54, 2.5),
-        (1600, -6.2, 1.6, 1.0),
-        (3000, -3.0, 5.5, 2.5),
-        (1200, -4.14, 0.0, 0.0),
-    ],
-    ("car_caravan", "caravan"): [(1300, -3.75, 5.0, 2.2), (100, -4.0, 0.0, 0.0)],
-    ("truck_full_trailer", "trailer"): [(3000, -2.6, 7.7, 0.0), (11500, -2.6, 7.2, 2.4), (700, -5.1, 0.0, 0.0)],
-}
-"""Mass, position, length and width of uniform parts, kg and m, as in the comments of the files."""
-
-
-@pytest.mark.parametrize(("name", "unit_name"), list(PARTS))
-def test_chosen_units_are_the_sums_of_their_parts(name: str, unit_name: str) -> None:
-    unit, parts = catalogue.get(name).unit(unit_name), PARTS[name, unit_name]
-    mass = sum(m for m, *_ in parts)
-    cog = sum(m * x for m, x, *_ in parts) / mass
-    assert unit.mass == mass
-    assert unit.cog == pytest.approx(cog, abs=5e-4)
-    inertia = sum(m * (x - cog) ** 2 + m * (length**2 + width**2) / 12 for m, x, length, width in parts)
-    assert unit.yaw_inertia == pytest.approx(inertia, abs=0.5)
-    sprung = [(m, x) for m, x, length, _ in parts if length]
-    sprung_cog = sum(m * x for m, x in sprung) / sum(m for m, _ in sprung)
-    lever = catalogue.get(name).derived()[f"{unit_name}.cog_height"] - unit.roll_axis_height
-    product = unit.laden_sprung_mass * (sprung_cog - cog) * lever
-    assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
-
-
-@pytest.mark.parametrize(
-    ("name", "kinds", "mass"),
-    [
-        ("b_double", ["fifth_wheel", "fifth_wheel"], 62.0),
-        ("a_double", ["fifth_wheel", "drawbar_eye", "fifth_wheel"], 78.3),
-        ("truck_dolly_semitrailer", ["drawbar_eye", "fifth_wheel"], 61.2),
-        ("truck_full_trailer", ["drawbar_eye", "turntable"], 39.2),
-    ],
-)
-def test_long_combinations(name: str, kinds: list[str], mass: float) -> None:
-    """Couplings, mass, and tyres by the coefficients of the article at the static loads."""
-    vehicle, article = catalogue.get(name), ARTICLE.parameters()
-    assert [c.kind for c in vehicle.couplings] == kinds
-    assert sum(unit.mass for unit in vehicle.units) == pytest.approx(mass * 1000, abs=100)
-    trailer = vehicle.units[-1]
-    if trailer.name in (SEMITRAILER, "second"):
-        same = {p: v for p, v in article.items() if p.startswith(f"{SEMITRAILER}.")}
-        ours = vehicle.parameters()
-        assert {p: ours[p.replace(SEMITRAILER, trailer.name)] for p in same} == pytest.approx(same, rel=1e-8)
-    for path, load in vehicle.axle_loads().items():
-        if path.split(".")[0] in (SEMITRAILER, "first", "second"):
-            continue
-        coefficient = 7.0 if "." in path else 5.7
-        stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
-        assert stiffness == pytest.approx(coefficient * load, abs=2500), path
-
-
-@pytest.mark.parametrize(
-    ("name", "coefficient", "damping", "least"),
-    [("articulated_bus", 7.0, 30e3, 1.5), ("car_caravan", 12.0, 1.7e3, 1.3)],
-)
-def test_a_damper_in_yaw_calms_buses_and_caravans(name: str, coefficient: float, damping: float, least: float) -> None:
-    """Tyres by a coefficient at the static loads; at 80 km/h the damper adds to the damping ratio of the sway."""
-    vehicle = catalogue.get(name)
-    (coupling,) = vehicle.couplings
-    assert (coupling.yaw_damping, coupling.yaw_stiffness) == (damping, None)
-    assert vehicle.couplings_with_damper() == [coupling]
-    for path, load in vehicle.axle_loads().items():
-        stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
-        assert stiffness == pytest.approx(coefficient * load, abs=2500), path
-    free = vehicle.replace({f"{coupling.name}.yaw_damping": 0.0})
-    first, second = (min(m.damping for m in modes(v, 80 / 3.6, roll=False)) for v in (free, vehicle))
-    assert second > least * first > 0
-    assert next(unusual_masses(vehicle), None) is None
 
 
 @pytest.mark.parametrize("name", catalogue.names())

@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel.truck import get, names
-from fifthwheel.truck.spoken_names import named, named_unit, spoken
+from fifthwheel.truck.spoken_names import named, spoken
 
 
 @pytest.mark.parametrize(
@@ -41,9 +41,3 @@ def test_no_parameter_of_a_vehicle_shares_its_name_or_has_a_path_in_it():
         words = [spoken(path) for path in get(truck).parameters()]
         assert len(set(words)) == len(words)
         assert not [name for name in words if "_" in name or "." in name]
-
-
-def test_units_in_words():
-    assert [named_unit(unit) for unit in ("tractor", "semitrailer", "second", "rear_semitrailer")] == [
-        "tractor", "trailer", "second trailer", "rear trailer"
-    ]  # fmt: skip

@@ -2,8 +2,6 @@
 
 import errno
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import llvmlite
@@ -95,24 +93,6 @@ def test_lanes_compilers_and_processors_have_separate_entries(
     assert len(list(cache_folder.iterdir())) == 3
 
 
-def test_second_process_compiles_nothing(cache_folder: Path) -> None:
-    assert result() == 12
-    program = """
-import sys
-import casadi as ca, numpy as np
-from fifthwheel.base.native import Scan, scan
-def never(*_):
-    raise AssertionError("compiled")
-scan._compile = never
-carry, sample, constant = (ca.SX.sym(word) for word in ("carry", "sample", "constant"))
-step = ca.Function("times", [carry, sample, constant], [carry + 2.0 * constant * sample, carry])
-print(Scan(step)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item())
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "12.0\n", "")
-    assert len(list(cache_folder.iterdir())) == 1
-
-
 def test_every_changed_byte_is_detected(cache_folder: Path) -> None:
     cache.write(KEY, CODE)
     path = entry(cache_folder)
@@ -195,16 +175,34 @@ def test_entry_that_others_can_write_is_not_run(
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o720, 0o1777])
-def test_folder_that_others_can_write_is_not_used(
-    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (0o720, "{0}: not used .*other users can write.*chmod 700 {0}"),
+        (0o1777, "{0}: not used .*other users can write.*chmod 700 {0}"),
+        ("link", "it is a link; .*name its target by FIFTHWHEEL_CACHE"),
+        ("owner", "belongs to another user; .*name a folder of your own"),
+    ],
+)
+def test_folder_that_others_can_write_or_own_and_a_link_are_not_used(
+    foreign: tuple[Path, bytes, bytes],
+    loaded: list[bytes],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    kind: int | str,
+    message: str,
 ) -> None:
     path, key, code = foreign
     path.write_bytes(with_header(key, code))
-    path.parent.chmod(mode)
-    with pytest.warns(
-        RuntimeWarning, match=rf"{path.parent}: not used .*other users can write.*chmod 700 {path.parent}"
-    ) as caught:
+    owner = os.getuid()
+    if kind == "link":
+        (tmp_path / "link").symlink_to(path.parent, target_is_directory=True)
+        monkeypatch.setenv("FIFTHWHEEL_CACHE", str(tmp_path / "link"))
+    elif kind == "owner":
+        monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    else:
+        path.parent.chmod(kind)
+    with pytest.warns(RuntimeWarning, match=message.format(path.parent)) as caught:
         assert cache.folder() is None
     assert len(caught) == 1
     assert cache.folder() is None  # the warning comes once
@@ -214,37 +212,7 @@ def test_folder_that_others_can_write_is_not_used(
     assert os.listdir(path.parent) == [path.name]
     path.parent.chmod(0o700)
     assert path.read_bytes() == with_header(key, code)
-
-
-@posix
-def test_symlinked_folder_is_not_used(
-    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    path, key, code = foreign
-    path.write_bytes(with_header(key, code))
-    link = tmp_path / "link"
-    link.symlink_to(path.parent, target_is_directory=True)
-    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(link))
-    with pytest.warns(RuntimeWarning, match="it is a link; .*name its target by FIFTHWHEEL_CACHE"):
-        assert cache.folder() is None
-    assert result() == 12
-    assert code not in loaded
-    assert path.read_bytes() == with_header(key, code)
-
-
-@posix
-def test_entry_of_another_user_is_not_run(
-    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path, key, code = foreign
-    path.write_bytes(with_header(key, code))
-    owner = os.getuid()
-    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
-    with pytest.warns(RuntimeWarning, match="belongs to another user; .*name a folder of your own"):
-        assert cache.folder() is None
-    assert result() == 12
-    assert code not in loaded
-    if owner == 0:
+    if kind == "owner" and owner == 0:
         monkeypatch.undo()
         monkeypatch.setenv("FIFTHWHEEL_CACHE", str(path.parent))
         os.chown(path, 65534, 65534)

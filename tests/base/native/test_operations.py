@@ -123,18 +123,6 @@ def assert_same(actual: tuple[Array, Array], expected: tuple[Array, Array]) -> N
         assert max_difference(a, b) <= 1e-13
 
 
-def test_branches() -> None:
-    """if_else and logical operations as in CasADi code."""
-    carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
-    inside = ca.logic_and(sample > -1, sample <= constant)
-    value = ca.if_else(inside, sample, ca.if_else(ca.logic_or(sample == 3, ca.logic_not(sample != -3)), 30, -30))
-    scan = Scan(ca.Function("branches", [carry, sample, constant], [carry + inside, value]))
-    sample = np.array([-3.0, -2, -1, -0.5, 0, 1, 2, 3, np.nan])
-    carry, out = scan(np.zeros(1), sample[:, None], np.ones(1))
-    assert out.ravel().tolist() == [30, -30, -30, -0.5, 0, 1, -30, 30, -30]
-    assert carry == 3
-
-
 @pytest.mark.parametrize("function", [ca.tan, ca.floor, lambda x: ca.atan2(x, 2)])
 def test_unknown_operation_is_refused(function: object) -> None:
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))

@@ -96,19 +96,6 @@ def test_vehicles_and_lanes(vehicles: int, lanes: int) -> None:
         assert max_difference(actual[1][i], expected[1]) <= 1e-13
 
 
-@pytest.mark.parametrize("without", ["sample", "constant", "output"])
-def test_many_vehicles_of_a_step_without(without: str) -> None:
-    carry, one, none = ca.SX.sym("carry"), ca.SX.sym("one"), ca.SX.sym("none", 0)
-    sample, constant = none if without == "sample" else one, none if without == "constant" else ca.SX.sym("two")
-    later = carry + ca.sum1(sample) + ca.sum1(constant)
-    step = ca.Function("step", [carry, sample, constant], [later, none if without == "output" else carry])
-    inputs = np.arange(3.0)[:, None], np.ones((3, 4, sample.numel())), np.ones((3, constant.numel()))
-    after, out = Scan(step).batch(*inputs)
-    expected = [Scan(step)(*each) for each in zip(*inputs, strict=True)]
-    assert np.array_equal(after, [e[0] for e in expected])
-    assert np.array_equal(out, [e[1] for e in expected])
-
-
 WRONG = [
     ("carry", (3,), (5, 2), (3,)),
     ("carry", (1, 2), (5, 2), (3,)),
@@ -157,15 +144,10 @@ def test_nothing_to_process(scan: Scan) -> None:
     assert (after.shape, out.shape) == ((0, 2), (0, 5, 3))
 
 
-def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
-    text = llvm_ir.module(STEP)
-    before, loop = text.split("\nrow:\n")
+def test_divisions_share_a_reciprocal_and_constants_are_before_the_loop() -> None:
+    before, loop = llvm_ir.module(STEP).split("\nrow:\n")
     assert "@llvm.exp" in before
     assert "@llvm.exp" not in loop.split("\ndone:\n")[0]
-    assert "@llvm.sin" in loop
-
-
-def test_divisions_by_one_number_share_its_reciprocal() -> None:
     x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
     step = ca.Function("divide", [x, u, ca.SX.sym("c", 1)], [x / u, 3 * x[::-1] / u])
     assert llvm_ir.module(step).count("fdiv") == 1

@@ -1,9 +1,6 @@
 """Steps that are built only if the cache does not have their machine code."""
 
 import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import casadi as ca
@@ -95,33 +92,6 @@ def test_the_source_of_a_step_is_what_its_builder_imports() -> None:
         "base/native/llvm_ir.py",
     } <= files
     assert not any(name.startswith(("results", "apps", "estimate/identify", "data/logs")) for name in files)
-
-
-@pytest.mark.slow
-def test_a_comment_elsewhere_compiles_nothing(tmp_path: Path) -> None:
-    """In a copy of the package: a change of a module that the builder imports builds the step, another does not."""
-    copy = tmp_path / "fifthwheel"
-    shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    program = """
-from fifthwheel.model.dynamics.speed_rate import speed_rate_step
-from fifthwheel.base.native import step
-build, built = step.Step.function.fget, []
-step.Step.function = property(lambda self: (built.append(1), build(self))[1])
-speed_rate_step().n_carry
-print(len(built))
-"""
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-
-    def builds() -> int:
-        run = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
-        )
-        return int(run.stdout)
-
-    assert [builds(), builds()] == [1, 0]
-    for changed, expected in (("results/report/conclusion.py", 0), ("base/native/llvm_ir.py", 1)):
-        (copy / changed).write_text((copy / changed).read_text() + "# a comment\n")
-        assert builds() == expected
 
 
 def test_lost_machine_code_is_compiled_again(cache_folder: Path) -> None:

@@ -80,16 +80,3 @@ def test_texts_are_escaped_and_markup_is_not(html):
     assert '<span class="option">--fix</span>' in html
     assert cell("<b>") == "&lt;b&gt;"
     assert cell("a\u202eb") == "a\\u202eb"
-
-
-def test_columns_are_read_from_their_heads():
-    texts = ("Log", "Value>", "Value>|main", "± sigma>|main|± ", "File|name", "Note||note: ")
-    assert [tuple(pages.column(text)) for text in texts] == [
-        ("Log", "", ""),
-        ("Value", "n", "Value: "),
-        ("Value", "n main", ""),
-        ("± sigma", "n main", "± "),
-        ("File", "name", ""),
-        ("Note", "", "note: "),
-    ]
-    assert pages.Table((pages.TableColumn("a|b>"), "c>"), []).lines() == ["a|b>  c"]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fifthwheel.base.errors import SignalError
 from fifthwheel.base.options import TyreLaw
 from fifthwheel.model.dynamics import ChainModel, all_parameters, matrices, model, simulation
 from fifthwheel.truck import Vehicle, get
@@ -121,148 +120,53 @@ def test_irregular_samples() -> None:
     assert (np.abs(actual - expected).max(axis=0) <= 1e-6 * np.abs(expected).max(axis=0)).all()
 
 
-@pytest.mark.slow
-def test_derivatives_of_the_transition() -> None:
-    """Derivatives with respect to state and parameters against central differences of the exact solution."""
-    vehicle, dt, speeds = VEHICLES["truck, all changed"], 0.005, (17.0, 18.0)
-    values = all_parameters(vehicle, ())
-    values |= {path: {"gain": 1.1, "offset": 0.01, "delay": 0.03}[path.rpartition(".")[2]]
-               for path in values if path.startswith("steer.")}  # fmt: skip
-    softening = {path: value for path, value in values.items() if path.endswith(".softening")}
-    free = tuple(path for path in values if path not in softening)
-    chain = model(vehicle, (), roll=True, free=free)
-    assert chain.free == free
-    assert chain.known == tuple(softening)
-    x, before, after = random_step(3, chain)
-    d = np.r_[speeds[0], before, speeds[1], after]
-    arguments = [ca.SX.sym(word, *chain.transition.size_in(i)) for i, word in enumerate(("x", "dt", "d", "p", "c"))]
-    transition = chain.transition(*arguments)
-    jacobians = ca.Function(
-        "J", arguments, [ca.jacobian(transition, arguments[0]), ca.jacobian(transition, arguments[3])]
-    )
-    by_state, by_parameters = (
-        np.array(J) for J in jacobians(x, dt, d, chain.free_values(values), chain.known_values(values))
-    )
-
-    def exact(x: Array, values: Mapping[str, float]) -> Array:
-        changed_vehicle = vehicle.replace({path: values[path] for path in vehicle.parameters()})
-        rate = (after - before) / dt
-        gain, offset, delay = (
-            np.array([values[f"{signal}.{word}"] for signal in vehicle.steer_signals()])
-            for word in ("gain", "offset", "delay")
-        )
-        angles = [gain * (measured + delay * rate - offset) for measured in (before, after)]
-        return exact_state(*by_lagrange(changed_vehicle, chain.states, sum(speeds) / 2), x, angles[0], angles[1], dt)
-
-    scale = typical(chain.states)
-    for i, size in enumerate(scale):
-        h = size * np.eye(len(x))[i]
-        expected = (exact(x + h, values) - exact(x - h, values)) / (2 * size)
-        assert np.abs((by_state[:, i] - expected) / scale).max() <= 1e-7 * np.abs(expected / scale).max()
-    response = np.abs(exact(x, values) / scale).max()
-    for i, path in enumerate(free):
-        value = values[path]
-        h = 1e-4 * (abs(value) or 1.0)
-        plus, minus = (exact(x, values | {path: value + s * h}) for s in (1, -1))
-        expected = (plus - minus) / (2 * h) / scale * (abs(value) or 1.0)
-        actual = by_parameters[:, i] / scale * (abs(value) or 1.0)
-        assert np.abs(actual - expected).max() <= 1e-5 * np.abs(expected).max() + 1e-9 * response, path
-
-
-def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: float) -> list[tuple[Array, Array, Array]]:
-    """(v, r, p) of every unit from states (N, n); v of the units behind follows from the couplings."""
-    state = dict(zip(states, x.T, strict=True))
-    zeros = np.zeros(len(x))
-    actual = [
-        (
-            state.get(f"lateral_velocity.{u.name}", zeros),
-            state[f"yaw_rate.{u.name}"],
-            state.get(f"roll_rate.{u.name}", zeros),
-        )
-        for u in vehicle.units
-    ]
-    for i, wheel in enumerate(vehicle.couplings):
-        front, rear = vehicle.units[i : i + 2]
-        (v, r, p), (_, r2, p2) = actual[i], actual[i + 1]
-        v = v + (wheel.leading_position - front.cog) * r - (wheel.height - front.roll_axis_height) * p
-        v = v - speed * state[f"articulation.{rear.name}"]
-        v = v - (wheel.trailing_position - rear.cog) * r2 + (wheel.height - rear.roll_axis_height) * p2
-        actual[i + 1] = (v, r2, p2)
-    return actual
+def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: float) -> list[tuple[float, float, float]]:
+    """(v, r, p) of every unit; v of the units behind follows from the couplings. Of x', their derivatives."""
+    state = dict(zip(states, x, strict=True))
+    motion, v = [], state[f"lateral_velocity.{vehicle.units[0].name}"]
+    for i, unit in enumerate(vehicle.units):
+        r, p = state[f"yaw_rate.{unit.name}"], state.get(f"roll_rate.{unit.name}", 0.0)
+        if i:
+            wheel, front, (_, r1, p1) = vehicle.couplings[i - 1], vehicle.units[i - 1], motion[-1]
+            v += (wheel.leading_position - front.cog) * r1 - (wheel.height - front.roll_axis_height) * p1
+            v -= speed * state[f"articulation.{unit.name}"]
+            v -= (wheel.trailing_position - unit.cog) * r - (wheel.height - unit.roll_axis_height) * p
+        motion.append((v, r, p))
+    return motion
 
 
 @pytest.mark.parametrize(("name", "roll"), [("truck, all changed", False), ("b_double, some relaxation", True)])
-class TestSensors:
-    """Outputs of sensors with sinusoidal steer angles against a simulation.
+def test_sideslip_and_coupling_force(name: str, roll: bool) -> None:
+    """From the front: inertia force and tyre forces of each unit give the force of the coupling behind it.
 
     By the library's equations: those of Lagrange, to which `test_lagrangian` compares them, take long for three units.
     """
-
-    speed = 19.0
-    h = 1e-3  # s, step of the numerical derivative
-
-    def trajectory(self, vehicle: Vehicle, states: tuple[str, ...]) -> tuple[Array, Array]:
-        """States and steer angles at 3 s - h, 3 s and 3 s + h."""
-        system = matrices(vehicle, self.speed, roll="roll_rate" in {name.split(".")[0] for name in states})
-        assert system.states == states
-        A, B = system.A, system.B
-        n, k = B.shape
-        w = 2.2  # rad/s; the angles are states of an oscillator, so a matrix exponential is exact
-        matrix = np.zeros((n + 2 * k, n + 2 * k))
-        matrix[:n, :n], matrix[:n, n : n + k] = A, B
-        matrix[n : n + k, n + k :], matrix[n + k :, n : n + k] = w * np.eye(k), -w * np.eye(k)
-        start = np.r_[np.zeros(n + k), np.linspace(0.02, -0.03, k)]
-        out = np.array([expm(matrix * (3.0 + s * self.h)) @ start for s in (-1, 0, 1)])
-        return out[:, :n], out[:, n : n + k]
-
-    def outputs(self, vehicle: Vehicle, roll: bool, sensors: dict[str, dict[str, float]]) -> tuple[Array, Array, Array]:
-        """Sensor outputs in the middle of the trajectory, the states, and the steer angles."""
-        chain = model(vehicle, tuple(sensors), roll=roll)
-        errors = {f"{sensor}.{key}": v for sensor, keys in sensors.items() for key, v in keys.items()}
-        values = all_parameters(vehicle, chain.outputs) | errors
-        x, steer = self.trajectory(vehicle, chain.states)
-        d = np.r_[self.speed, steer[0], self.speed, steer[1]]
-        return np.array(chain.observation(x[1], d, [], chain.known_values(values))).ravel(), x, steer
-
-    def test_sideslip_and_lateral_velocity(self, name: str, roll: bool) -> None:
-        vehicle = VEHICLES[name]
-        position = {"position": -2.34, "height": 1.9}
-        sensors = {f"sideslip.{u.name}": position | {"offset": 0.003} for u in vehicle.units}
-        sensors |= {f"lateral_velocity.{u.name}": {} for u in vehicle.units}
-        actual, x, _ = self.outputs(vehicle, roll, sensors)
-        states = model(vehicle, (), roll=roll).states
-        motion = unit_motion(vehicle, states, x[1:2], self.speed)
-        for i, (unit, (v, r, p)) in enumerate(zip(vehicle.units, motion, strict=True)):
-            point = v[0] + (-2.34 - unit.cog) * r[0] - (1.9 - unit.roll_axis_height) * p[0]
-            assert actual[i] == pytest.approx(point / self.speed + 0.003, rel=1e-9)
-            assert actual[len(motion) + i] == pytest.approx(v[0], rel=1e-9)
-
-    def test_coupling_force(self, name: str, roll: bool) -> None:
-        """From the front: inertia force and tyre forces of each unit give the force of the coupling behind it."""
-        vehicle = VEHICLES[name]
-        sensors = {f"coupling_force.{u.name}": dict[str, float]() for u in vehicle.units[1:]}
-        actual, x, steer = self.outputs(vehicle, roll, sensors)
-        states = model(vehicle, (), roll=roll).states
-        angles = dict(zip(vehicle.steer_signals(), steer[1], strict=True))
-        front_force = 0.0  # side force of the coupling in front of the unit on the unit
-        for i, (v, r, p) in enumerate(unit_motion(vehicle, states, x, self.speed)[:-1]):
-            unit = vehicle.units[i]
-            rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
-            lever = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
-            inertia_force = unit.mass * (rate[0] + self.speed * r[1]) - unit.laden_sprung_mass * lever * rate[2]
-            tyres = 0.0
-            for group in unit.axle_groups:
-                slip = np.mean(
-                    [
-                        angles.get(f"steer.{unit.name}.{axle.name}", 0.0)
-                        - (v[1] + (axle.position - unit.cog) * r[1]) / self.speed
-                        for axle in group.axles
-                    ]
-                )
-                lagged = f"slip_angle.{unit.group_path(group)}"
-                tyres += group.cornering_stiffness * (x[1, states.index(lagged)] if lagged in states else slip)
-            front_force = tyres + front_force - inertia_force
-            assert actual[i] == pytest.approx(front_force, rel=1e-4)
+    vehicle, speed = VEHICLES[name], 19.0
+    outputs = [f"{quantity}.{u.name}" for quantity in ("sideslip", "lateral_velocity") for u in vehicle.units]
+    chain = model(vehicle, (*outputs, *(f"coupling_force.{u.name}" for u in vehicle.units[1:])), roll=roll)
+    values = all_parameters(vehicle, chain.outputs)
+    for sideslip in outputs[: len(vehicle.units)]:
+        values |= {f"{sideslip}.position": -2.34, f"{sideslip}.height": 1.9, f"{sideslip}.offset": 0.003}
+    x, steer, _ = random_step(7, chain)
+    observed = np.array(chain.observation(x, np.r_[speed, steer, speed, steer], [], chain.known_values(values))).ravel()
+    actual = dict(zip(chain.outputs, observed, strict=True))
+    system, state = matrices(vehicle, speed, roll=roll), dict(zip(chain.states, x, strict=True))
+    motion, change = (unit_motion(vehicle, system.states, y, speed) for y in (x, system.A @ x + system.B @ steer))
+    angles = dict(zip(vehicle.steer_signals(), steer, strict=True))
+    force = 0.0  # side force of the coupling in front of the unit on the unit
+    for i, (unit, (v, r, p), rate) in enumerate(zip(vehicle.units, motion, change, strict=True)):
+        point = v + (-2.34 - unit.cog) * r - (1.9 - unit.roll_axis_height) * p
+        assert actual[f"sideslip.{unit.name}"] == pytest.approx(point / speed + 0.003, rel=1e-9)
+        assert actual[f"lateral_velocity.{unit.name}"] == pytest.approx(v, rel=1e-9)
+        if i:
+            assert actual[f"coupling_force.{unit.name}"] == pytest.approx(force, rel=1e-9)
+        lever = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
+        force -= unit.mass * (rate[0] + speed * r) - unit.laden_sprung_mass * lever * rate[2]
+        for group in unit.axle_groups:
+            steered = [angles.get(f"steer.{unit.name}.{axle.name}", 0.0) for axle in group.axles]
+            slip = np.mean(steered) - (v + (group.position - unit.cog) * r) / speed
+            slip = state.get(f"slip_angle.{unit.group_path(group)}", slip)
+            force += group.cornering_stiffness * slip
 
 
 def test_delay_gain_and_offset_of_a_steer_sensor() -> None:
@@ -290,20 +194,6 @@ def test_delay_gain_and_offset_of_a_steer_sensor() -> None:
     )
     assert late[0] == pytest.approx(expected[0], rel=1e-9, abs=1e-12)
     assert now[1] == pytest.approx(expected[1], rel=1e-9)
-
-
-def test_impossible_models_are_refused() -> None:
-    with pytest.raises(SignalError, match="no roll"):
-        model(ARTICLE, ("roll_rate.tractor",), roll=False)
-    with pytest.raises(SignalError, match="no unit"):
-        model(ARTICLE, ("yaw_rate.dolly",), roll=True)
-    with pytest.raises(SignalError, match="no such quantity"):
-        model(ARTICLE, ("fuel.tractor",), roll=True)
-    with pytest.raises(KeyError, match="colour"):
-        model(ARTICLE, (), roll=True, free=("tractor.colour",))
-    for name in ("articulation.tractor", "coupling_force.tractor"):
-        with pytest.raises(SignalError, match="first unit"):
-            model(ARTICLE, (name,), roll=True)
 
 
 # Rates at both ends of a step

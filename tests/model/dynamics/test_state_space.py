@@ -21,7 +21,6 @@ from fifthwheel.model.dynamics import (
     steady_steer,
     understeer_gradient,
 )
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, get
 
 ARTICLE = get("cheng_cebon_2011")
@@ -32,39 +31,22 @@ HITCH = -6.1
 
 
 def group(name: str, position: float, stiffness: float, *, steerable: bool = False) -> AxleGroup:
-    return AxleGroup(
-        name=name,
-        axles=(Axle(name=name, position=position, steerable=steerable),),
-        cornering_stiffness=stiffness,
-        roll_stiffness=9e5,
-        tyre_roll_stiffness=3e6,
-        roll_damping=2e4,
-    )
+    rolling = {"roll_stiffness": 9e5, "tyre_roll_stiffness": 3e6, "roll_damping": 2e4}
+    axle = Axle(name=name, position=position, steerable=steerable)
+    return AxleGroup(name=name, axles=(axle,), cornering_stiffness=stiffness, **rolling)
 
 
 def truck(*, front: float = 4e5, rear: float = 6e5) -> Vehicle:
-    unit = Unit(
-        name="truck",
-        mass=14000,
-        cog=COG,
-        yaw_inertia=6e4,
-        roll_axis_height=0.6,
-        sprung=SprungMass(mass=12000, cog_height=1.5, roll_inertia=8000),
-        axle_groups=(group("front", FRONT, front, steerable=True), group("rear", REAR, rear)),
-    )
-    return Vehicle(name="truck", units=(unit,))
+    numbers = {"mass": 14000, "cog": COG, "yaw_inertia": 6e4, "roll_axis_height": 0.6}
+    sprung = SprungMass(mass=12000, cog_height=1.5, roll_inertia=8000)
+    groups = (group("front", FRONT, front, steerable=True), group("rear", REAR, rear))
+    return Vehicle(name="truck", units=(Unit(name="truck", **numbers, sprung=sprung, axle_groups=groups),))
 
 
 def truck_and_trailer() -> Vehicle:
-    trailer = Unit(
-        name="trailer",
-        mass=9000,
-        cog=-4.1,
-        yaw_inertia=5e4,
-        roll_axis_height=0.7,
-        sprung=SprungMass(mass=8000, cog_height=1.4, roll_inertia=6000),
-        axle_groups=(group("axle", -6.8, 5e5),),
-    )
+    numbers = {"mass": 9000, "cog": -4.1, "yaw_inertia": 5e4, "roll_axis_height": 0.7}
+    sprung = SprungMass(mass=8000, cog_height=1.4, roll_inertia=6000)
+    trailer = Unit(name="trailer", **numbers, sprung=sprung, axle_groups=(group("axle", -6.8, 5e5),))
     eye = Coupling(name="eye", leading_position=HITCH, trailing_position=0.3, height=0.9, roll_stiffness=0)
     return Vehicle(name="rig", units=(*truck().units, trailer), couplings=(eye,))
 
@@ -132,16 +114,6 @@ def test_articulation_at_very_low_speed() -> None:
     state = steady_state(truck_and_trailer(), 0.05, [steer], roll=True)
     assert state["articulation.trailer"] == pytest.approx((overhang - trailer_wheelbase) * steer / WHEELBASE, rel=1e-4)
     assert state["yaw_rate.trailer"] == pytest.approx(0.05 * steer / WHEELBASE, rel=1e-4)
-
-
-@pytest.mark.parametrize("roll", [True, False])
-def test_frequency_response_at_zero_frequency_is_the_steady_state(roll: bool) -> None:
-    m = matrices(ARTICLE, 20.0, roll=roll)
-    response = frequency_response(ARTICLE, 20.0, np.array([0.0, 0.5]), roll=roll)
-    assert response.shape == (2, len(m.states), 4)
-    for k, steer in enumerate(np.eye(4)):
-        state = steady_state(ARTICLE, 20.0, steer, roll=roll)
-        assert response[0, :, k] == pytest.approx(np.array([state[name] for name in m.states]), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("roll", [True, False])
@@ -235,25 +207,6 @@ def test_load_transfer_balances_the_roll_moment_of_a_steady_turn() -> None:
     assert front > 0  # a left turn loads the right wheels
 
 
-@pytest.mark.slow
-def test_response_equals_the_simulation() -> None:
-    time = np.arange(0, 6, 0.01)
-    steer = 0.02 * np.sin(2 * np.pi * 0.4 * time) * (time < 2.5)
-    outputs = [
-        "sideslip.semitrailer",
-        "articulation.semitrailer",
-        "lateral_acceleration.semitrailer",
-        "yaw_rate.tractor",
-    ]
-    response = linear_system(ARTICLE, SPEED, outputs).response(time, {"steer.tractor.front": steer})
-    model = dynamics.model(ARTICLE, outputs, roll=True)
-    inputs = {name: np.zeros_like(time) for name in model.inputs} | {"speed": np.full_like(time, SPEED)}
-    inputs["steer.tractor.front"] = steer
-    _, expected = free_response(model, dynamics.all_parameters(ARTICLE, outputs), time, inputs)
-    for i, name in enumerate(outputs):
-        assert response[name] == pytest.approx(expected[:, i], abs=1e-6 * np.abs(expected[:, i]).max())
-
-
 def test_step_equals_the_response() -> None:
     states = dynamics.state_names(ARTICLE, roll=True)
     system, time = linear_system(ARTICLE, SPEED, states), np.arange(0, 1, 0.05)
@@ -286,6 +239,8 @@ def test_states_are_outputs_with_names_and_units() -> None:
     [
         ("yaw_rat.tractor", True, "did you mean 'yaw_rate'"),
         ("yaw_rate.dolly", True, "no unit 'dolly'"),
+        ("articulation.tractor", True, "first unit"),
+        ("coupling_force.tractor", True, "first unit"),
         ("cog_acceleration.dolly", True, "cog_acceleration.dolly"),
         ("lateral_force.semitrailer.axle", True, "no axle group"),
         ("load_transfer_moment.semitrailer", False, "yaw-only"),
@@ -295,6 +250,8 @@ def test_states_are_outputs_with_names_and_units() -> None:
 def test_an_output_that_the_model_does_not_have(output: str, roll: bool, message: str) -> None:
     with pytest.raises(SignalError, match=message):
         linear_system(ARTICLE, SPEED, [output], roll=roll)
+    with pytest.raises(KeyError, match="colour"):
+        dynamics.model(ARTICLE, (), roll=True, free=("tractor.colour",))
 
 
 def test_other_errors() -> None:

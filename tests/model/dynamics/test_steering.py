@@ -3,13 +3,11 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy import signal
 
 from fifthwheel.data import channels
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.dynamics.state_space import linear_system
-from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.truck import get
 
 STEER, STATE, LAG = "steer.tractor.front", "actuator.tractor", 0.15
@@ -67,20 +65,6 @@ def response(truck, tyres, steer, time, outputs=OUTPUTS):
     return free_response(model, values, time, {"speed": np.full_like(time, 22.0), STEER: steer})[1]
 
 
-@pytest.mark.slow
-def test_a_lag_filters_the_steer_angle() -> None:
-    """The filter is exact for inputs that change linearly between the samples, which are 1 ms apart."""
-    course = single_sine(TRUCK, acceleration=3.0)
-    time = np.arange(course.time[0], course.time[-1], 1e-3)
-    steer = np.interp(time, course.time, course.steer)
-    _, filtered, _ = signal.lsim(([1.0], [LAG, 1.0]), steer, time - time[0])
-    own = response(LAGGED, "saturating", steer, time, (*OUTPUTS, STATE))
-    plain = response(TRUCK, "saturating", filtered, time)
-    assert own[:, -1] == pytest.approx(filtered, abs=1e-8)
-    assert np.abs(own[:, :-1] - plain).max(axis=0) / np.abs(plain).max(axis=0) == pytest.approx(0, abs=3e-6)
-    assert np.abs(response(TRUCK, "saturating", steer, time) - plain).max() > 0.01
-
-
 def test_the_frequency_response_has_the_lag_as_a_factor() -> None:
     frequency = np.array([0.05, 0.3, 1.0, 3.0])
     own, plain = (linear_system(truck, 22.0, OUTPUTS) for truck in (LAGGED, TRUCK))
@@ -124,28 +108,6 @@ def test_roll_steer_adds_a_column_to_the_matrices() -> None:
 
 def own_truck():
     return TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
-
-
-@pytest.mark.parametrize(("truck", "tyres"), [(LAGGED, "linear"), (STOPPED, "saturating")])
-def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
-    """Of a small step, because a model with saturating tyres is linearised at its beginning, and without the lateral
-    acceleration, of which it neglects a small derivative."""
-    model = dynamics.model(truck, (*OUTPUTS[:-1], STATE), roll=True, tyres=tyres, bank=True)
-    rng, n = np.random.default_rng(1), len(model.states)
-    x, dt, c = (
-        0.01 * rng.normal(size=n),
-        1e-5,
-        model.known_values(dynamics.all_parameters(truck, model.outputs, tyres=tyres)),
-    )
-    d = np.array([22.0, 0.01, 22.1, 0.012])
-    step = 1e-6
-    F = np.array(model.state_jacobian(x, dt, d, [], c))
-    H = np.array(model.observation_jacobian(x, d, [], c))
-    for i, e in enumerate(step * np.eye(n)):
-        column = (model.transition(x + e, dt, d, [], c) - model.transition(x - e, dt, d, [], c)) / (2 * step)
-        assert F[:, i] == pytest.approx(np.array(column).ravel(), rel=1e-4, abs=2e-6)
-        row = (model.observation(x + e, d, [], c) - model.observation(x - e, d, [], c)) / (2 * step)
-        assert H[:, i] == pytest.approx(np.array(row).ravel(), rel=1e-6, abs=1e-6)
 
 
 def test_other_equations_have_another_model() -> None:

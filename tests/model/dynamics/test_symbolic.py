@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.symbolic import LARGEST_LAG, MotionAhead, Stages, exponential_step, factorised
+from fifthwheel.model.dynamics.symbolic import MotionAhead, Stages
 from fifthwheel.truck import get
 
 X = ca.SX.sym("x", 3)
@@ -19,35 +19,6 @@ RATES = np.array([0.5, 0.2, -0.4])
 def value(expression: ca.SX) -> np.ndarray:
     """At the point."""
     return np.array(ca.Function("value", [X], [ca.densify(expression)])(POINT))
-
-
-def built() -> tuple[Stages, ca.SX]:
-    """Stages, and an expression of their variables."""
-    stages = Stages()
-    a = stages.variable(ca.vertcat(ca.sin(X[0]) * X[1], X[2] ** 2))
-    b = stages.variable(a[0] * a[1] + X[0])
-    M = ca.vertcat(ca.horzcat(2 + a[1], b * X[1]), ca.horzcat(b * X[1], 3 + X[0] ** 2))
-    right = ca.vertcat(b, a[0]) + X[1:]
-    w = stages.solved(M, right, ca.solve(M, right))
-    return stages, ca.vertcat(w, b * X[0], w[0] * a[1])
-
-
-def test_the_jacobian_is_that_of_the_expanded_expression() -> None:
-    stages, expression = built()
-    expanded = stages.expanded(expression)
-    assert {symbol.name() for symbol in ca.symvar(expanded)} == {"x_0", "x_1", "x_2"}
-    np.testing.assert_allclose(value(stages.jacobian(expression, X)), value(ca.jacobian(expanded, X)), rtol=1e-12)
-
-
-def test_rates() -> None:
-    """Also their Jacobian, which goes through the rates of the variables."""
-    stages, expression = built()
-    expected = ca.jtimes(stages.expanded(expression), X, ca.SX(RATES))
-    rate_of = stages.rate(X, ca.SX(RATES))
-    rates = [rate_of(expression[i]) for i in range(expression.shape[0])]
-    np.testing.assert_allclose(value(stages.expanded(ca.vertcat(*rates))), value(expected), rtol=1e-12)
-    actual = stages.jacobian(ca.vertcat(*rates), X)
-    np.testing.assert_allclose(value(actual), value(ca.jacobian(expected, X)), rtol=1e-11)
 
 
 def test_derivatives_of_a_held_variable_are_neglected() -> None:
@@ -97,12 +68,6 @@ def test_the_model_with_saturating_tyres() -> None:
     assert_close(B, differences(rates, [x], p, []))
 
 
-def test_factorised() -> None:
-    M = np.array([[4.0, 1.0, 0.0], [-2.0, 3.0, 1.0], [0.5, 0.0, -2.0]])
-    right = np.array([[1.0, 0.0], [2.0, -1.0], [0.0, 3.0]])
-    np.testing.assert_allclose(value(factorised(ca.SX(M))(ca.SX(right))), np.linalg.solve(M, right), atol=1e-14)
-
-
 @pytest.mark.parametrize("horizon", [0.3, 0.9])
 def test_prediction_of_a_truck(horizon: float) -> None:
     """Within 4 % of the steady values, though the slip angles of the tyres follow within 0.02 s; trailer 1.5 %."""
@@ -137,35 +102,6 @@ def test_gradients_of_predicted_ratios_neglect_nothing() -> None:
     np.testing.assert_allclose(value(model.observation_gradients(x, d, p, c)), expected, rtol=1e-9, atol=1e-12)
     neglecting = value(model.observation_sensitivity(x, d, p, c))
     assert (np.abs(neglecting / expected[:, n:] - 1) > 0.01).any()
-
-
-def stepped(decay: float, dt: float, parts: int) -> float:
-    """x(dt) of x' = decay (d - x) + sin(x), with d from 0.2 to 0.5, in some steps."""
-    x, before, after, step, lag = (ca.SX.sym(name) for name in ("x", "before", "after", "step", "lag"))
-    later = exponential_step(lambda state, d: lag * (d - state) + ca.sin(state), x, lag, before, after, step)
-    function = ca.Function("later", [x, before, after, step, lag], [later])
-    state, inputs = 0.1, np.linspace(0.2, 0.5, parts + 1)
-    for first, last in pairwise(inputs):
-        state = float(function(state, first, last, dt / parts, decay))
-    return state
-
-
-@pytest.mark.parametrize("decay", [0.0, 40.0, 100.0])
-def test_an_exponential_step_is_of_fourth_order_and_exact_in_its_lag(decay: float) -> None:
-    dt = LARGEST_LAG / 100
-    exact = stepped(decay, dt, 64)
-    errors = [abs(stepped(decay, dt, parts) - exact) for parts in (1, 2, 4, 8)]
-    assert errors[0] < 1e-4
-    assert errors[2] > 11 * errors[3]
-
-
-def test_an_exponential_step_of_a_lag_alone_is_exact() -> None:
-    x, before, after = ca.SX(0.3), ca.SX(1.0), ca.SX(2.0)
-    for decay, dt in ((0.0, 0.04), (50.0, 0.04), (50.0, 0.08)):
-        later = exponential_step(lambda state, d, k=decay: k * (d - state), x, ca.SX(decay), before, after, ca.SX(dt))
-        A = np.array([[-decay, decay, 0.0], [0.0, 0.0, 1.0 / dt], [0.0, 0.0, 0.0]])
-        expected = (expm(A * dt) @ [0.3, 1.0, 1.0])[0]
-        assert float(later) == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Side forces of an axle, and tyre laws of a user's own: which are refused, and how one is saved and found again."""
 
-import math
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from fifthwheel.apps.studies.monte_carlo import _digest
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.observe import ObserverSettings
 from fifthwheel.model.dynamics.tyres import (
     LAW_SLIPS,
     NOMINAL_LOAD,
@@ -19,7 +16,6 @@ from fifthwheel.model.dynamics.tyres import (
     axle_forces,
     force_fraction,
     law_identity,
-    linear,
     require_law,
     restored_law,
     root_law,
@@ -31,7 +27,6 @@ from fifthwheel.model.dynamics.unit_equations import suspension_moment
 from fifthwheel.model.plant.properties import MagicFormula
 from fifthwheel.truck import get
 from fifthwheel.truck.quantities import (
-    COMBINED_SLIP,
     FRICTION,
     FRICTION_SENSITIVITY,
     SHAPE,
@@ -46,40 +41,11 @@ DEFAULTS = {name: parameter.default for name, parameter in TYRES.items()}
 TRAIL = {"semitrailer.pneumatic_trail": 0.05}
 
 
-@pytest.mark.parametrize("trail", [{}, TRAIL], ids=["no trail", "trail"])
-def test_linear_tyres_are_the_limit_for_a_high_friction(trail: dict[str, float]) -> None:
-    """The difference falls with the square of the friction: the law has no term of first order."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | trail
-    p |= {STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
-    contact = Contact(ca.SX(0.03), ca.SX(3e4), ca.SX(0.8), ca.SX(2e3))
-    expected = np.array(ca.evalf(linear(p | {"semitrailer.cornering_stiffness": 1.0}, "semitrailer", contact))).ravel()
-    load = 1 + 2e3 / p["semitrailer.static_load"]  # the force grows with the load of the group
-    errors = [
-        np.array(ca.evalf(saturating(p | {FRICTION: friction}, "semitrailer", contact))).ravel()
-        / (load * p["semitrailer.cornering_stiffness"])
-        / expected
-        - 1
-        for friction in (10.0, 100.0)
-    ]
-    assert len(expected) == 1 + len(trail)
-    assert np.abs(errors[0]).max() < 0.02
-    np.testing.assert_allclose(errors[1], errors[0] / 100, rtol=0.02)
-
-
 def aligning_moment(slip: float, **changes: float) -> float:
     """Aligning moment of the trailer's axle group over its side force, m, without load transfer."""
     p = TRUCK.parameters() | saturation_parameters(TRUCK) | TRAIL | {"body.half_track": 1e9} | changes
     side, moment = axle_forces(saturating(p, "semitrailer", Contact(ca.SX(slip))), ca.SX(slip))
     return float(ca.evalf(moment)) / float(ca.evalf(side))
-
-
-def test_the_trail_falls_from_its_value_at_small_slip_to_none_at_full_sliding() -> None:
-    assert aligning_moment(1e-6) == pytest.approx(-0.05, rel=1e-6)
-    trails = [-aligning_moment(slip) for slip in (0.01, 0.05, 0.1, 0.3, 10.0)]
-    assert trails == sorted(trails, reverse=True)
-    assert 0 < trails[-1] < 1e-3 * 0.05
-    assert -aligning_moment(0.05, **{FRICTION: 0.3}) < trails[1]
-    assert aligning_moment(-0.05) == aligning_moment(0.05)
 
 
 @pytest.mark.slow
@@ -210,22 +176,6 @@ def test_the_effect_of_the_braking_force_is_smooth() -> None:
     np.testing.assert_allclose(np.array(law(rates[None])).ravel(), float(law(0.0)), rtol=1e-10)
 
 
-def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
-    """As braking does: the stiffness by sqrt(1 - b (F_x / (mu N))^2), and the largest side force so that both forces
-    together are the peak friction; within 1 % of that factor, and 0.1 % at small forces."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"body.half_track": 1e9, FRICTION_SENSITIVITY: 0.0}
-    load = p["tractor.drive.static_load"]
-
-    def secant(used: float, slip: float) -> float:
-        force = used * p[SHAPE] * p[FRICTION] * load
-        return float(ca.evalf(saturating(p, "tractor.drive", Contact(ca.SX(slip), longitudinal=ca.SX(force)))))
-
-    for slip, loss in ((1e-4, p[COMBINED_SLIP]), (100.0, 1.0)):
-        for used, tolerance in ((0.05, 0.001), (0.2, 0.001), (0.6, 0.01)):
-            assert secant(used, slip) == pytest.approx(secant(0.0, slip) * np.sqrt(1 - loss * used**2), rel=tolerance)
-            assert secant(-used, slip) == secant(used, slip)
-
-
 N, C, MU = 50e3, 400e3, 0.5
 
 
@@ -249,28 +199,12 @@ def two_arguments(slip, stiffness):
     return stiffness * slip
 
 
-def other_order(slip, stiffness, load, friction):
-    return tanh_law(slip, load, stiffness, friction)
-
-
-def with_math(slip, load, stiffness, friction):
-    return friction * load * math.tanh(stiffness * slip / (friction * load))
-
-
-def pair(slip, load, stiffness, friction):
-    return ca.vertcat(slip, slip)
-
-
 def undefined_at_zero(slip, load, stiffness, friction):
     return tanh_law(slip, load, stiffness, friction) * ca.fabs(slip) / slip
 
 
 def ply_steer(slip, load, stiffness, friction):
     return tanh_law(slip + 0.001, load, stiffness, friction)
-
-
-def half_slope(slip, load, stiffness, friction):
-    return tanh_law(slip, load, stiffness / 2, friction)
 
 
 def half_slope_on_one_side(slip, load, stiffness, friction):
@@ -280,10 +214,6 @@ def half_slope_on_one_side(slip, load, stiffness, friction):
 def of_load(slip, load, stiffness, friction):
     limit = friction * load * 50e3 / (50e3 + load)
     return limit * ca.tanh(stiffness * slip / limit)
-
-
-def proportional(slip, load, stiffness, friction):
-    return stiffness * slip
 
 
 def with_power(slip, load, stiffness, friction):
@@ -309,22 +239,17 @@ def test_laws_are_accepted_and_equal_to_their_fraction(law) -> None:
         (lambda slip, load, stiffness, friction: stiffness * slip, "expected a function at the top level of a module"),
         (ca.tanh, "expected the arguments slip, load, stiffness, friction, got args"),
         (two_arguments, "expected the arguments slip, load, stiffness, friction, got slip, stiffness; name them so"),
-        (other_order, "got slip, stiffness, load, friction; name them so, in this order"),
-        (with_math, "expected 0 N at the slip angle 0 .*, got nan; use functions of casadi, not of math"),
-        (pair, "expected one side force, got an array"),
         (
             undefined_at_zero,
             "expected 0 N at the slip angle 0 .*, got nan; use functions of casadi, not of math, and avoid 0 / 0",
         ),
         (ply_steer, "expected 0 N at the slip angle 0 for 60000 N, .*, got 599"),
-        (half_slope, "expected the slope 600000 at the slip angle 0 .*, got 300000; let the slope be the stiffness"),
         (
             brush_of_magnitude,
             "expected the slope 600000 .*, got 0; CasADi takes the slopes of sign and fabs as 0; write",
         ),
         (half_slope_on_one_side, "expected -.* N at -0.001 rad .*; make it odd in the slip angle"),
         (of_load, "with twice the load and the stiffness at 0.001 rad .*; let load matter only by stiffness / load"),
-        (proportional, "expected up to 45000 N at 0.1 rad .*, got 60000; let friction times load limit the force"),
         (with_power, "expected sqrt, fabs, exp, log, sin, cos, atan, tanh and arithmetic, got another function"),
     ],
 )
@@ -332,13 +257,6 @@ def test_what_is_no_law_is_refused_by_its_name(law, message: str) -> None:
     with pytest.raises(SignalError, match=rf"tyres, \S+:{law.__qualname__}: ".replace("<", ".").replace(">", ".")) as e:
         OneStage(tyres=law)
     assert e.match(message)
-
-
-def test_settings_name_the_choices() -> None:
-    with pytest.raises(SignalError, match="tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 3"):
-        OneStage(tyres=3)
-    with pytest.raises(SignalError, match="tyres: expected the friction of the road, got none"):
-        ObserverSettings(tyres=tanh_law)
 
 
 def test_a_constant_is_part_of_the_identity(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,12 +5,10 @@ import pytest
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.model.manoeuvres import (
-    LINEAR_MANOEUVRES,
     MANOEUVRES,
     PLANT_MANOEUVRES,
     OpenLoop,
     Path,
-    acceleration_course,
     course,
 )
 from fifthwheel.truck import get
@@ -32,15 +30,6 @@ def test_courses_of_the_plant(name, truck):
         assert result.steer[0] == 0
         assert 0 < np.abs(result.steer).max() < 0.1
         assert result.time[-1] == result.duration
-
-
-@pytest.mark.parametrize("name", [name for name in LINEAR_MANOEUVRES if MANOEUVRES[name].acceleration])
-def test_lateral_accelerations_of_the_linear_model(name):
-    time = np.arange(6000) / 100
-    acceleration = acceleration_course(name, time, speed=KMH_88, count=2, seed=1)
-    assert acceleration.shape == time.shape
-    assert np.abs(acceleration).max() < 3.0
-    assert acceleration.any() == (name != "straight")
 
 
 def test_arguments_have_an_effect(truck):

@@ -12,7 +12,7 @@ from fifthwheel.model.plant import PlantRun, Properties
 from fifthwheel.truck import Vehicle, get
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
-from film import EXAGGERATION, LIGHT, _blocks, _Scene, film
+from film import film
 
 pytest.importorskip("matplotlib")
 
@@ -39,15 +39,11 @@ def synthetic_run(vehicle: Vehicle, *, yaw: float = 0.0, roll: float = 0.0, acce
     return PlantRun(vehicle=vehicle, properties=Properties(), time=time, truth=truth, name="synthetic")
 
 
-def semitrailer() -> Vehicle:
-    return get("cheng_cebon_2011")
-
-
 @pytest.mark.slow
 def test_animation(tmp_path: Path):
     from PIL import Image
 
-    run = synthetic_run(semitrailer(), roll=0.01, acceleration=1.0)
+    run = synthetic_run(get("cheng_cebon_2011"), roll=0.01, acceleration=1.0)
     second = (run.time > 6.5) & (run.time <= 7.5)
     short = replace(run, time=run.time[second], truth={name: values[second] for name, values in run.truth.items()})
     with Image.open(film(short, tmp_path / "film.gif")) as animation:
@@ -68,32 +64,3 @@ def test_any_chain_or_the_name_of_what_is_missing(tmp_path: Path):
         with pytest.raises(SignalError, match=message):
             film(run, tmp_path / name)
         assert not (tmp_path / name).exists()
-
-
-def test_view_from_above_is_to_scale_with_the_direction_of_travel_upwards():
-    run = synthetic_run(semitrailer(), yaw=3.0)
-    run.truth["yaw.semitrailer"] = run.truth["yaw.semitrailer"] + 0.05 * (run.time > 6)  # to the left
-    shapes = _polygons(_Scene(run, np.array([3.0, 9.0])), "draw_from_above", 1)
-    body = max(shapes, key=lambda shape: np.ptp(shape.imag))
-    (block,) = [block for block in _blocks(run.vehicle, 1) if block.shade == LIGHT]
-    assert abs(body[1] - body[0]) == pytest.approx(block.front - block.rear)
-    assert np.angle(body[1] - body[0]) == pytest.approx(np.pi / 2 + 0.05)
-
-
-@pytest.mark.parametrize("roll", [0.02, -0.02])
-def test_body_rolls_towards_the_deflected_tyre(roll):
-    run = synthetic_run(semitrailer(), roll=roll)
-    shapes = _polygons(_Scene(run, np.array([3.0, 9.0])), "draw_from_behind", 0)
-    body = max(shapes, key=lambda shape: np.abs(shape - shape.mean()).max())  # of one unit: both have the same roll
-    assert np.angle((body[1] - body[0]) / 1j) == pytest.approx(-EXAGGERATION * roll)
-    left, right = sorted((s for s in shapes if np.ptp(s.real) < 0.5), key=lambda shape: shape.real.mean())
-    assert np.sign(left.imag.max() - right.imag.max()) == np.sign(roll)
-
-
-def _polygons(scene: _Scene, method: str, k: int) -> list[np.ndarray]:
-    """Corners of all filled shapes, right + i up, m."""
-    from matplotlib.figure import Figure
-
-    axes = Figure().add_subplot()
-    getattr(scene, method)(axes, k)
-    return [patch.get_xy()[:-1] @ [1, 1j] for patch in axes.patches]

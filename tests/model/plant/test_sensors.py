@@ -68,12 +68,6 @@ def test_a_held_sensor_repeats_its_samples():
     assert np.isnan(measured(YAW, rate=20.0, held=True, dropout=0.1)).any()
 
 
-@pytest.mark.parametrize("name", ["speed", "steer.tractor.front"])
-def test_an_input_has_values_at_both_ends(name):
-    assert np.flatnonzero(~np.isnan(measured(name, rate=7.0)))[[0, -1]].tolist() == [0, len(TIME) - 1]
-    assert np.isnan(measured(YAW, rate=7.0)[-1])
-
-
 @pytest.mark.parametrize(("fraction", "length"), [(0.05, 0.5), (0.8, 1.0)])
 def test_fraction_and_length_of_dropouts(fraction, length):
     time = np.arange(400_000) / 100
@@ -144,20 +138,9 @@ def test_read_sensors(tmp_path):
     assert (sensors["speed"].variance, sensors["speed"].rate) == pytest.approx((0.01, 10))
     assert sensors["yaw_rate.semitrailer"] == Sensor(variance=1.1e-5, rate=50, held=True)
     assert sensors["articulation.semitrailer"] == Sensor()
-    assert vars(sensors["yaw_rate.tractor"]) == pytest.approx(
-        {
-            "misalignment": degree,
-            "latency": 0.02,
-            "scale": 1.02,
-            "bias": -0.1 * degree,
-            "variance": (0.2 * degree) ** 2,
-            "quantisation": 0.01 * degree,
-            "rate": None,
-            "held": False,
-            "dropout": 0.02,
-            "dropout_length": 0.5,
-        }
-    )
+    stated = {"misalignment": degree, "latency": 0.02, "scale": 1.02, "bias": -0.1 * degree, "dropout": 0.02}
+    stated |= {"variance": (0.2 * degree) ** 2, "quantisation": 0.01 * degree, "dropout_length": 0.5}
+    assert vars(sensors["yaw_rate.tractor"]) == pytest.approx(stated | {"rate": None, "held": False})
     assert np.isfinite(measure(TIME, TRUTH, sensors)["speed"]).sum() == 2001
 
 
@@ -167,12 +150,10 @@ def test_read_sensors(tmp_path):
         ("[yaw_rat.tractor]\nbias = 1", r"sensors\.toml: yaw_rat\.tractor: .* did you mean 'yaw_rate\.tractor'"),
         ("[yaw_rate.tractor]\nbais = 1", r"yaw_rate\.tractor\.bais: no such key; did you mean 'bias'"),
         ("[yaw_rate.tractor]\nbias = '1 m/s'", r"yaw_rate\.tractor\.bias: expected rad/s or"),
-        ("[yaw_rate.tractor]\nbias = 'soon'", r"yaw_rate\.tractor\.bias: expected a number with a unit"),
         ("[yaw_rate.tractor]\nbias = true", r"yaw_rate\.tractor\.bias: expected a number, or a text .* got True"),
         ("[yaw_rate.tractor]\nheld = 'yes'", r"yaw_rate\.tractor\.held: expected true or false, got 'yes'"),
         ("[yaw_rate.tractor]\nnoise = 1\nvariance = 1", "yaw_rate.tractor: expected noise or variance, got both"),
         ("[yaw_rate.tractor]\nnoise = '-1 deg/s'", r"yaw_rate\.tractor\.noise: expected a standard deviation of 0"),
-        ("[yaw_rate.tractor]\nrate = '10 ms'", r"yaw_rate\.tractor\.rate"),
         ("[speed]\nmisalignment = 0.1", "speed: misalignment applies to yaw_rate and roll_rate only"),
         ("[speed]\nlatency = '-1 s'", r"speed\.latency: got -1\.0, expected 0 s or more"),
         ("speed = 3", "speed: expected a table for each signal, got 3"),
