@@ -45,7 +45,8 @@ def test_animation(tmp_path: Path):
 
     run = synthetic_run(get("cheng_cebon_2011"), roll=0.01, acceleration=1.0)
     second = (run.time > 6.5) & (run.time <= 7.5)
-    short = replace(run, time=run.time[second], truth={name: values[second] for name, values in run.truth.items()})
+    time, truth = run.time[second], {name: values[second] for name, values in run.truth.items()}
+    short = replace(run, time=time - time[0], truth=truth)
     with Image.open(film(short, tmp_path / "film.gif")) as animation:
         assert animation.n_frames >= 15
         assert animation.info["duration"] == 50
