@@ -13,20 +13,19 @@ from fifthwheel.base.atomic import atomic_write, reserved
 from fifthwheel.base.errors import FifthwheelError
 
 
-def test_a_file_appears_when_the_block_ends(tmp_path: Path) -> None:
-    path = tmp_path / "result.json"
+def test_a_file_appears_when_the_block_ends_and_an_error_leaves_the_old_one(tmp_path: Path) -> None:
+    path, absent = tmp_path / "result.json", tmp_path / "absent" / "result.json"
     with atomic_write(path) as temporary:
-        temporary.write_text("new")
+        temporary.write_text("old")
         assert not path.exists()
-    assert path.read_text() == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:
-    path = tmp_path / "result.json"
-    path.write_text("old")
     with pytest.raises(UnicodeEncodeError), atomic_write(path) as temporary:
         temporary.write_text("half\ud800", encoding="utf-8")
+    with pytest.raises(OSError, match="No space") as caught, atomic_write(path):
+        raise OSError(errno.ENOSPC, "No space left on device")  # as write() raises it
+    assert caught.value.filename == str(path)
+    with pytest.raises(OSError, match="absent") as caught, atomic_write(absent) as temporary:
+        temporary.write_text("new")
+    assert caught.value.filename == str(absent)  # not the temporary one
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -54,22 +53,6 @@ def test_two_writers_of_one_file_do_not_collide(tmp_path: Path) -> None:
     assert not failures
     assert path.read_text() in ("a" * 2000, "b" * 2000)
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path: Path) -> None:
-    with (
-        pytest.raises(OSError, match="absent") as caught,
-        atomic_write(tmp_path / "absent" / "result.json") as temporary,
-    ):
-        temporary.write_text("new")
-    assert caught.value.filename == str(tmp_path / "absent" / "result.json")
-
-
-def test_an_error_without_a_name_gets_that_of_the_file(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="No space") as caught, atomic_write(tmp_path / "result.json"):
-        raise OSError(errno.ENOSPC, "No space left on device")  # as write() raises it
-    assert caught.value.filename == str(tmp_path / "result.json")
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_next_writer_removes_what_a_killed_one_left(tmp_path: Path) -> None:

@@ -21,34 +21,18 @@ def test_numbered_name(name: str, parts: tuple[str, int | None, int | None], of_
     assert parsed.log is None or parsed.of_log(parsed.log) == name
 
 
-@pytest.mark.parametrize(
-    ("path", "owner", "last_word"),
-    [
+def test_parts_of_names() -> None:
+    for path, owner, last_word in (
         ("semitrailer.payload.height", "semitrailer.payload", "height"),
-        ("semitrailer.softening", "semitrailer", "softening"),
         ("tractor.front.cornering_stiffness.variation", "tractor.front.cornering_stiffness", "variation"),
         ("mass_scale", "mass_scale", "mass_scale"),
-    ],
-)
-def test_owner_and_last_word(path: str, owner: str, last_word: str) -> None:
-    assert ParameterPath.of(path).owner == owner
-    assert ParameterPath.of(path).last_word == last_word
-
-
-def test_kind_and_subject_of_a_measure() -> None:
+    ):
+        assert (ParameterPath.of(path).owner, ParameterPath.of(path).last_word) == (owner, last_word)
     assert split_kind("response_time.yaw_rate.tractor") == ("response_time", "yaw_rate.tractor")
     assert split_kind("understeer_gradient") == ("understeer_gradient", "")
-
-
-def test_beginning_in_whole_words() -> None:
     assert begins_with("gain.yaw_rate.tractor", "gain.yaw_rate")
-    assert begins_with("gain", "gain")
     assert not begins_with("gain_sigma.yaw_rate", "gain")
-
-
-def test_reference_signal() -> None:
     assert split_reference("reference.roll.tractor") == ("roll.tractor", True)
-    assert split_reference("roll.tractor") == ("roll.tractor", False)
 
 
 def test_sensor_error_of_any_text() -> None:

@@ -26,8 +26,6 @@ from fifthwheel.base.settings import (
 )
 from fifthwheel.estimate.identify import OneStage
 
-CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Example(Settings):
@@ -47,7 +45,6 @@ class Example(Settings):
     ("wrong", "message"),
     [
         ({"ratio": 1.5}, "ratio: expected between 0 and 1, got 1.5; give a fraction"),
-        ({"ratio": "0.5"}, "ratio: expected between 0 and 1, got '0.5'; give a fraction"),
         ({"ratio": True}, "ratio: expected between 0 and 1, got True; give a fraction"),
         ({"count": 1}, "count: expected a number of 2 or more, got 1; correct it"),
         ({"count": 2.5}, "count: expected a whole number of 2 or more, got 2.5; correct it"),
@@ -76,24 +73,17 @@ def test_help_has_every_field_with_its_default_and_its_sentences() -> None:
     assert "Tyres saturate at this peak friction" in ObserverOptions.__doc__, "the help of an option"
 
 
-def test_values_are_those_of_the_annotations() -> None:
-    made = Example(ratio=1, names=["a", "b"])
-    assert (made, made.as_dict()["names"]) == (Example(ratio=1.0, names=("a", "b")), ("a", "b"))
-    assert isinstance(made.ratio, float)
-    assert limits(Example, "ratio") == (0, 1)
-    assert limits(Example, "shift") == (None, None)
-
-
 def test_arguments_state_what_differs_from_the_default() -> None:
     assert arguments(Example(ratio=0.1)) == []
+    made = Example(ratio=1, names=["a", "b"])
+    assert (made, made.as_dict()["names"]) == (Example(ratio=1.0, names=("a", "b")), ("a", "b"))
+    assert (limits(Example, "ratio"), limits(Example, "shift")) == ((0, 1), (None, None))
     stated = arguments(Example(names=("a", "b"), check=False, place="here"))
     assert stated == ["--name=a", "--name=b", "--no-check", "--place=here"]
 
 
-@pytest.mark.parametrize("kind", CLASSES)
-def test_a_command_has_every_option(kind: type[Settings]) -> None:
+def test_a_command_has_every_option() -> None:
     """With its help; the defaults are valid."""
-    kind()
     commands: Any = typer.main.get_command(cli.app)
     groups = [commands, *(command for command in commands.commands.values() if hasattr(command, "commands"))]
     shown = [
@@ -103,6 +93,8 @@ def test_a_command_has_every_option(kind: type[Settings]) -> None:
         for parameter in getattr(command, "params", ())
         for flag in parameter.opts
     ]
-    for name, option in options_of(kind).items():
-        flag = option.flags_of(name)[0].partition("/")[0]
-        assert any(known == flag and text.startswith(option.help) for known, text in shown), flag
+    for kind in (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions):
+        kind()
+        for name, option in options_of(kind).items():
+            flag = option.flags_of(name)[0].partition("/")[0]
+            assert any(known == flag and text.startswith(option.help) for known, text in shown), flag

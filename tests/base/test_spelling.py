@@ -43,9 +43,6 @@ def test_each_front_end_has_its_words(words, python, option, question):
 def test_a_statement_survives_a_shell():
     with spelled_for("command line"):
         assert shlex.split(setting("statements", "steer.*.delay=+- 5 ms")) == ["--set", "steer.*.delay=+- 5 ms"]
-
-
-def test_a_command_is_a_button_in_the_workbench():
     assert command("signals") == "`fifthwheel signals`"
     with spelled_for("workbench"):
         assert command("signals") == "“Propose a map”"

@@ -6,7 +6,6 @@ import pytest
 import tomli_w
 
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle, catalogue
 from fifthwheel.truck.classes import CLASSES
 
@@ -49,11 +48,7 @@ def edited(old: str, new: str) -> Vehicle:
 
 @pytest.mark.parametrize(
     ("name", "classes"),
-    [
-        ("cheng_cebon_2011", ["tractor_4x2", "semitrailer_3"]),
-        ("cheng_cebon_2011_vehicle", ["tractor_4x2", "semitrailer_3"]),
-        ("auburn_6x4", ["tractor_6x4", "semitrailer_2"]),
-    ],
+    [("cheng_cebon_2011", ["tractor_4x2", "semitrailer_3"]), ("auburn_6x4", ["tractor_6x4", "semitrailer_2"])],
 )
 def test_a_published_vehicle_is_within_the_uncertainty(name: str, classes: list[str]) -> None:
     """Of masses and lengths alone, the classes give every other number of the catalogue's vehicles."""
@@ -140,7 +135,6 @@ def test_files_and_changes() -> None:
         ('leading_position = "-3.1 m"', "", r"fifth_wheel\.leading_position: expected a value, got none; give it"),
         ('mass = "33.45 t +- 1 %"', 'mass = "5 t"', r"semitrailer\.mass: expected more than payload and axles"),
         (LADEN, '5 t"\n[unit.payload]', r"payload\.mass: .*remove"),
-        (LADEN, '300 kg"\n[unit.payload]\nmass="2 t"', r"or semitr"),
         (
             'mass = "33.45 t +- 1 %"\n[unit.payload]\nmass = "20 t +- 300 kg"',
             "[unit.payload]",
@@ -155,9 +149,6 @@ def test_files_and_changes() -> None:
 def test_errors_name_the_key_and_the_cure(old: str, new: str, message: str) -> None:
     with pytest.raises(VehicleError, match=message):
         edited(old, new)
-
-
-def test_an_exact_file_has_every_number() -> None:
     exact = TEXT.replace(" +- 1 %", "").replace(" +- 300 kg", "").replace("[[unit]]", "exact = true\n[[unit]]", 1)
     with pytest.raises(VehicleError, match=r"exact: expected every number where exact = true, .* is missing; give it"):
         Vehicle.loads(exact)
@@ -167,57 +158,6 @@ def test_the_uncertainty_of_a_stiffness_grows_away_from_the_usual_load() -> None
     vehicle, unladen = Vehicle.loads(TEXT), edited("33.45 t +- 1 %", "28 t")
     path = "semitrailer.cornering_stiffness"
     assert unladen.stated[path] / unladen.parameters()[path] > vehicle.stated[path] / vehicle.parameters()[path] > 0.29
-
-
-AXLES = """
-[[unit.axle_group]]
-axles = [{ name = "first", position = "%s m" }, { name = "second", position = "%s m" }]
-"""
-RIGID = """
-name = "train"
-[[unit]]
-name = "truck"
-class = "truck_6x2"
-%s
-[[unit.axle_group]]
-name = "front"
-position = "0 m"
-[[unit.axle_group]]
-name = "drive"
-axles = [{ name = "drive", position = "-4.8 m" }, { name = "tag", position = "-6.15 m" }]
-"""
-
-
-def unit(name: str, kind: str, axles: tuple[float, float], coupling: float, payload: str = "") -> str:
-    head = f'[[unit]]\nname = "{name}"\nclass = "{kind}"\n{payload}'
-    return f'{head}{AXLES % axles}\n[[coupling]]\nname = "to_{name}"\nleading_position = {coupling}\n'
-
-
-LOAD = 'payload = { mass = "15 t" }\n'
-COMBINATIONS = {
-    "rigid truck": RIGID % LOAD,
-    "truck and full trailer": RIGID % LOAD
-    + unit("dolly", "dolly", (-3.4, -4.7), -8.0)
-    + unit("trailer", "full_trailer", (-5.0, -6.3), -4.05, LOAD),
-    "truck, dolly and semitrailer": RIGID % LOAD
-    + unit("dolly", "dolly", (-3.4, -4.7), -8.0)
-    + unit("trailer", "semitrailer_2", (-7.0, -8.3), -4.0, LOAD),
-    "B-double": TEXT.partition("[[coupling]]")[0].replace("semitrailer_3", "b_double_lead")
-    + TEXT[TEXT.index("[[coupling]]") :]
-    + unit("second", "semitrailer_2", (-7.0, -8.3), -8.3, LOAD),
-}
-
-
-@pytest.mark.parametrize("text", COMBINATIONS.values(), ids=list(COMBINATIONS))
-def test_other_combinations(text: str) -> None:
-    vehicle = Vehicle.loads(text)
-    assert min(vehicle.axle_loads().values()) > 0
-    assert sum(vehicle.axle_loads().values()) == pytest.approx(
-        STANDARD_GRAVITY * sum(u.mass for u in vehicle.units), rel=1e-9
-    )
-    eyes = [coupling for coupling in vehicle.couplings if coupling.name == "to_dolly"]
-    assert all(eye.roll_stiffness == 0 for eye in eyes)
-    assert Vehicle.loads(vehicle.to_toml()) == vehicle
 
 
 def test_a_relaxation_length_needs_no_class() -> None:

@@ -3,18 +3,13 @@
 import numpy as np
 import pytest
 
-from fifthwheel.base.plots import Area, Line, Points
-from fifthwheel.truck import catalogue, get
-
-
-@pytest.mark.parametrize("name", catalogue.names())
-def test_every_vehicle_is_drawn(name):
-    plot = get(name).plot()
-    plot.to_plotly()
-    plot.to_matplotlib()
+from fifthwheel.base.plots import Area, Points
+from fifthwheel.truck import get
 
 
 def test_axles_couplings_and_cog_are_at_their_places():
+    get("a_double").plot().to_plotly()
+    get("a_double").plot().to_matplotlib()
     truck = get("cheng_cebon_2011")
     (coupling,) = truck.couplings
     trailer_origin = coupling.leading_position - coupling.trailing_position
@@ -32,14 +27,3 @@ def test_axles_couplings_and_cog_are_at_their_places():
     assert heights == pytest.approx([value for path, value in truck.derived().items() if path.endswith("cog_height")])
     (payload,) = [item for item in side.items if isinstance(item, Area) and item.name == "payload"]
     assert np.ptp(payload.y) == pytest.approx(truck.parameters()["semitrailer.payload.height"])
-
-
-def test_a_dolly_has_a_drawbar():
-    """Its frame is above its axles, and does not reach the eye; every unit has its own colour."""
-    truck = get("a_double")
-    (side, top), eye = truck.plot().panels, truck.couplings[0].leading_position + truck.couplings[1].leading_position
-    frames = {item.name: item for panel in (side,) for item in panel.items if isinstance(item, Area) and item.name}
-    assert frames["dolly"].x.max() < eye - 2
-    assert len({frames[unit.name].colour for unit in truck.units}) == 4
-    drawbar = [item for item in (*side.items, *top.items) if isinstance(item, Line) and eye in np.round(item.x, 9)]
-    assert len(drawbar) == 3

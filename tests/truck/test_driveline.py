@@ -35,7 +35,6 @@ def test_the_lateral_motion_does_not_depend_on_it():
     ("text", "message"),
     [
         ("eficiency = 0.9", r"driveline\.eficiency: no such key; did you mean .*efficiency"),
-        ('drag_area = "60 m^2"', r"driveline\.drag_area: expected 0\.5 to 20 m\^2"),
         (
             "launch_speed = 200\ngoverned_speed = 199",
             r"driveline\.launch_speed: expected less than governed_speed, 199 r",

@@ -3,10 +3,10 @@
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fifthwheel.truck import Laden, Vehicle, catalogue, laden
+from fifthwheel.truck import Laden, catalogue, laden
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
 LENGTH = st.floats(0.1, 3.0)
@@ -22,6 +22,7 @@ def laden_with(shape: str, *, body: float, axis: float, **payload: float) -> Lad
     return laden({f"semitrailer.{key}": value for key, value in numbers.items()}, unit)
 
 
+@settings(max_examples=20)
 @given(mass=st.floats(1e2, 1e5), height=LENGTH, width=LENGTH, floor=LENGTH, axis=LENGTH)
 def test_inertia_of_a_uniform_block_is_the_sum_over_its_elements(
     mass: float, height: float, width: float, floor: float, axis: float
@@ -35,30 +36,17 @@ def test_inertia_of_a_uniform_block_is_the_sum_over_its_elements(
 
 
 def test_point_payload_has_no_inertia_of_its_own() -> None:
+    """And the CoG height is the mean weighted by the masses."""
+    body = laden_with("uniform", body=1.0, axis=0.5, mass=3.0, height=2.0, width=2.0, floor_height=1.0)
+    assert body.cog_height == 1.75
     numbers = {"body": 0.0, "axis": 2.0, "mass": 2.0, "height": 2.0, "width": 3.0, "floor_height": 1.0}
     assert laden_with("point", **numbers).roll_inertia == 0.0
     assert laden_with("uniform", **numbers).roll_inertia == pytest.approx(2 * (9 + 4) / 12, rel=1e-15)
 
 
-def test_cog_height_is_the_mass_weighted_mean() -> None:
-    body = laden_with("uniform", body=1.0, axis=0.5, mass=3.0, height=2.0, width=2.0, floor_height=1.0)
-    assert body.cog_height == 1.75
-
-
-def test_arrays() -> None:
-    heights = np.linspace(0.1, 2, 5)
-    p = {path: np.full(5, value) for path, value in ARTICLE.parameters().items()} | {
-        "semitrailer.payload.height": heights
-    }
-    body = laden(p, ARTICLE.unit("semitrailer"))
-    for i, height in enumerate(heights):
-        derived = ARTICLE.replace({"semitrailer.payload.height": height}).derived()
-        assert body.cog_height[i] == pytest.approx(derived["semitrailer.cog_height"], rel=1e-14)
-        assert body.roll_inertia[i] == pytest.approx(derived["semitrailer.roll_inertia"], rel=1e-14)
-
-
-@pytest.mark.parametrize("vehicle", [catalogue.get(name) for name in catalogue.names()], ids=catalogue.names())
-def test_symbols(vehicle: Vehicle) -> None:
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "a_double"])
+def test_symbols(name: str) -> None:
+    vehicle = catalogue.get(name)
     p = vehicle.parameters()
     symbols = {path: casadi.SX.sym(path) for path in p}
     for unit in vehicle.units:

@@ -47,13 +47,10 @@ def test_the_true_stiffness_and_axis_are_found() -> None:
     assert found.parameters() == pytest.approx(p, rel=1e-9)
     assert found.stated == {STIFFNESS: 0.0, AXIS: 0.0, "semitrailer.tyre_roll_stiffness": 0.0}
     assert with_roll_test(assumed, readings(TRUCK), {}).parameters()[AXIS] == pytest.approx(p[AXIS])
-
-
-def test_a_unit_between_two_others() -> None:
     train = b_double()
     path = train.units[1].group_path(train.units[1].axle_groups[0]) + ".roll_stiffness"
-    found = with_roll_test(train.replace({path: 2 * train.parameters()[path]}), readings(train, unit=1), {})
-    assert found.parameters() == pytest.approx(train.parameters(), rel=1e-9)
+    found = with_roll_test(train.replace({path: 2 * train.parameters()[path]}), readings(train), {})
+    assert found.parameters() == pytest.approx(train.parameters(), rel=1e-9)  # of a unit between two others
 
 
 def test_sigma_against_random_readings_and_numbers() -> None:
@@ -62,7 +59,7 @@ def test_sigma_against_random_readings_and_numbers() -> None:
     p, test, rng = TRUCK.parameters(), readings(TRUCK, relative=0.02), np.random.default_rng(1)
     stated = with_roll_test(TRUCK, test, sigmas).stated
     results = []
-    for _ in range(400):
+    for _ in range(300):
         file = TRUCK.replace({path: p[path] + s * rng.normal() for path, s in sigmas.items()})
         drawn = [m._replace(value=m.value + m.sigma * rng.normal()) for m in test[1:]]
         found = with_roll_test(file, RollTest(test.unit, *drawn), {}).parameters()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import VehicleError
@@ -50,7 +50,7 @@ def test_exact_slips_give_the_true_masses() -> None:
 @pytest.mark.parametrize("coupling", [None, 3.1])
 def test_sigma_is_the_spread_of_repeated_weighings(coupling: float | None) -> None:
     random, results = np.random.default_rng(1), []
-    for _ in range(300):
+    for _ in range(200):
         trailer = 8.0 + 0.05 * random.normal()
         lengths = Lengths(wheelbase=3.7, coupling=coupling and (coupling, None), trailer=(trailer, 0.05))
         noisy = [
@@ -93,31 +93,25 @@ def test_the_laden_slip_gives_the_cog_of_the_tractor_where_the_kingpin_is_known(
     assert np.mean(sigmas) < 0.2
 
 
-def test_a_slip_file(tmp_path: Path) -> None:
-    path = tmp_path / "slip.toml"
-    path.write_text(
-        'accuracy = "0.5 %"\n[laden]\ntractor.front = "6.85 t"\ntractor.drive = 10500\nsemitrailer = "22500 kg"\n'
-    )
-    slip = Slip.load(path)
-    assert slip == Slip(laden={"tractor.front": 6850, "tractor.drive": 10500, "semitrailer": 22500}, accuracy=0.005)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("[loaded]\na = 1", r"slip\.toml: loaded: no such key; .*laden"),
         ('[laden]\ntractor.front = "6 m"', r"laden\.tractor\.front: .*give the load as a mass"),
         ("[laden]\nsemitrailer = -1", r"laden\.semitrailer: expected a load of 500 to 40000 kg, got -1 kg; correct it"),
-        ('[laden]\nsemitrailer = "215 t"', r"laden\.semitrailer: expected a load of .*, got 215000 kg; correct it"),
-        ("[laden", r"slip\.toml: .*"),
         ('accuracy = "good"', r"accuracy: expected a fraction such as '1 %', got 'good'"),
         ('accuracy = "80 %"', r"accuracy: expected a fraction from 0 to 0\.5"),
     ],
 )
-def test_refused_slip_files(text: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "slip.toml").write_text(text)
+def test_slip_files(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "slip.toml"
+    loads = 'tractor.front = "6.85 t"\ntractor.drive = 10500\nsemitrailer = "22500 kg"\n'
+    path.write_text(f'accuracy = "0.5 %"\n[laden]\n{loads}')
+    slip = Slip.load(path)
+    assert slip == Slip(laden={"tractor.front": 6850, "tractor.drive": 10500, "semitrailer": 22500}, accuracy=0.005)
+    path.write_text(text)
     with pytest.raises(VehicleError, match=message):
-        Slip.load(tmp_path / "slip.toml")
+        Slip.load(path)
 
 
 @pytest.mark.parametrize(
@@ -163,6 +157,7 @@ def test_exchanged_loads_of_a_log() -> None:
         with_axle_loads(TRUCK, {**loads, front: 0.8 * loads[front]})
 
 
+@settings(max_examples=60)
 @given(
     st.floats(3.2, 4.2), st.floats(0.84, 1.0), st.floats(6.5e3, 9e3), st.floats(0.28, 0.48), st.floats(4e3, 14e3),
     st.sampled_from([(), ("solo",), ("laden",), ("solo", "laden")]), st.booleans(),

@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel.truck import get, names
-from fifthwheel.truck.spoken_names import named, named_unit, spoken
+from fifthwheel.truck.spoken_names import named, spoken
 
 
 @pytest.mark.parametrize(
@@ -16,11 +16,6 @@ from fifthwheel.truck.spoken_names import named, named_unit, spoken
         ),
         ("semitrailer.yaw_inertia", "Trailer, yaw inertia", "yaw inertia of the trailer"),
         ("semitrailer.payload.height", "Trailer payload, height", "height of the trailer payload"),
-        (
-            "semitrailer.roll_stiffness",
-            "Trailer suspension, roll stiffness",
-            "roll stiffness of the trailer suspension",
-        ),
         ("tractor.drive.tyre_roll_stiffness", "Drive tyres, roll stiffness", "roll stiffness of the drive tyres"),
         (
             "semitrailer.rear.roll_damping",
@@ -28,18 +23,10 @@ from fifthwheel.truck.spoken_names import named, named_unit, spoken
             "roll damping of the trailer rear suspension",
         ),
         ("tractor.sprung.cog_height", "Tractor body, CoG height", "CoG height of the tractor body"),
-        ("fifth_wheel.roll_stiffness", "Fifth wheel, roll stiffness", "roll stiffness of the fifth wheel"),
         ("first.cog", "First trailer, CoG position", "CoG position of the first trailer"),
         ("road.friction", "Road, friction", "friction of the road"),
         ("mass_scale", "Scale of all masses", "scale of all masses"),
-        ("speed", "Speed", "speed"),
-        ("yaw_rate.semitrailer", "Trailer, yaw rate", "yaw rate of the trailer"),
         ("load_transfer.tractor.drive", "Drive axle, load transfer", "load transfer of the drive axle"),
-        (
-            "lateral_acceleration.tractor.rear",
-            "Tractor rear, lateral acceleration",
-            "lateral acceleration of the tractor rear",
-        ),
         ("steer.tractor.front.gain", "Front axle, steer angle gain", "steer angle gain of the front axle"),
         ("yaw_rate.tractor.offset@bend", "Tractor, yaw rate offset, bend", "yaw rate offset of the tractor in bend"),
     ],
@@ -49,15 +36,8 @@ def test_a_path_in_words(path, in_table, in_sentence):
     assert named(path) == f"the {in_sentence}"
 
 
-@pytest.mark.parametrize("truck", names())
-def test_no_parameter_of_a_vehicle_shares_its_name_or_has_a_path_in_it(truck):
-    paths = list(get(truck).parameters())
-    names = [spoken(path) for path in paths]
-    assert len(set(names)) == len(names)
-    assert not [name for name in names if "_" in name or "." in name]
-
-
-def test_units_in_words():
-    assert [named_unit(unit) for unit in ("tractor", "semitrailer", "second", "rear_semitrailer")] == [
-        "tractor", "trailer", "second trailer", "rear trailer"
-    ]  # fmt: skip
+def test_no_parameter_of_a_vehicle_shares_its_name_or_has_a_path_in_it():
+    for truck in names():
+        words = [spoken(path) for path in get(truck).parameters()]
+        assert len(set(words)) == len(words)
+        assert not [name for name in words if "_" in name or "." in name]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import VehicleError
@@ -21,55 +21,29 @@ TEXT = catalogue.text("cheng_cebon_2011")
 PATHS = tuple(catalogue.get("cheng_cebon_2011").parameters())
 
 
-@pytest.mark.parametrize("name", catalogue.names())
-def test_round_trip(name: str, tmp_path: Path) -> None:
-    vehicle = catalogue.get(name)
-    assert Vehicle.loads(vehicle.to_toml()) == vehicle
+def test_round_trip(tmp_path: Path) -> None:
+    for name in catalogue.names():
+        vehicle = catalogue.get(name)
+        assert Vehicle.loads(vehicle.to_toml()) == vehicle
     vehicle.save(tmp_path / "vehicle.toml")
     assert Vehicle.load(tmp_path / "vehicle.toml") == vehicle
 
 
-@given(st.floats(1e4, 1e7))
-def test_round_trip_is_exact(stiffness: float) -> None:
-    vehicle = catalogue.get("cheng_cebon_2011").replace({"semitrailer.cornering_stiffness": stiffness})
-    assert Vehicle.loads(vehicle.to_toml()) == vehicle
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "value"),
-    [
+def test_quantities() -> None:
+    for text, unit, value in (
         (475000, "N/rad", 475e3),
-        ("475 kN/rad", "N/rad", 475e3),
         ("8.290313946973065 kN/deg", "N/rad", 475e3),
         ("7.2 t", "kg", 7200),
-        ("-3700 mm", "m", -3.7),
-        ("22000 kg m^2", "kg m^2", 22e3),
         ("34.90658503988659 N*m/deg", "N m/rad", 2e3),
         ("3 kN*m/(rad/s)", "N m s/rad", 3e3),
-    ],
-)
-def test_quantities(text: object, unit: str, value: float) -> None:
-    assert read_quantity(text, unit, "x") == (pytest.approx(value, rel=1e-12), None)
+    ):
+        assert read_quantity(text, unit, "x") == (pytest.approx(value, rel=1e-12), None)
+    for wrong, unit in (("475 kN", "N/rad"), ("475 kN m", "N m/rad"), ("three m", "m"), (True, "m"), ([1.0], "m")):
+        with pytest.raises(VehicleError, match=r"^a\.b: expected "):
+            read_quantity(wrong, unit, "a.b")
 
 
-@pytest.mark.parametrize(
-    ("value", "unit"),
-    [
-        ("475 kN", "N/rad"),  # no angle
-        ("475 kN/rad", "N m/rad"),
-        ("475 kN m", "N m/rad"),
-        ("3 kg", "m"),
-        ("three m", "m"),
-        (True, "m"),
-        ([1.0], "m"),
-    ],
-)
-def test_wrong_quantities_are_refused(value: object, unit: str) -> None:
-    with pytest.raises(VehicleError, match=r"^a\.b: expected "):
-        read_quantity(value, unit, "a.b")
-
-
-@pytest.mark.slow
+@settings(max_examples=20, deadline=None)
 @given(st.dictionaries(st.sampled_from(PATHS), st.just(0.0) | st.floats(0, 1e9)), st.sampled_from(PATHS))
 def test_stated_sigmas_round_trip(stated: dict[str, float], path: str) -> None:
     vehicle = catalogue.get("cheng_cebon_2011").with_stated(stated)
@@ -81,9 +55,11 @@ def test_stated_sigmas_round_trip(stated: dict[str, float], path: str) -> None:
     assert Vehicle(**json.loads(vehicle.model_dump_json())) == vehicle
     value = vehicle.parameters()[path]
     assert vehicle.replace({path: value * 1.001}).stated == stated
+    assert topology(vehicle) == topology(catalogue.get("cheng_cebon_2011"))
+    assert vehicle.with_logged_steering({"steer.tractor.front"}, "the log").stated == stated
 
 
-def test_an_exact_file_round_trips() -> None:
+def test_exact_files_and_stated_sigmas() -> None:
     vehicle = Vehicle.loads("exact = true\n" + TEXT)
     assert vehicle.is_exact
     assert vehicle.stated == dict.fromkeys(PATHS, 0.0)
@@ -92,6 +68,16 @@ def test_an_exact_file_round_trips() -> None:
     assert Vehicle.loads(text) == vehicle
     assert Vehicle.loads("exact = false\n" + TEXT) == Vehicle.loads(TEXT)
     assert not Vehicle.loads(TEXT).stated
+    assert Vehicle.loads(("exact = true\n" + TEXT).replace('"7.2 t"', '"7.2 t exact"')).is_exact
+    with pytest.raises(VehicleError, match=r"^tractor\.mass: expected no '\+-' where exact = true, got 72 kg; remove"):
+        Vehicle.loads(("exact = true\n" + TEXT).replace('"7.2 t"', '"7.2 t +- 1 %"'))
+    for sigmas, message in (
+        ({"tractor.masss": 1.0}, r"^tractor\.masss: no such parameter in .*did you mean 'tractor\.mass'"),
+        ({"tractor.mass": -1.0}, r"^stated\.tractor\.mass: expected a number >= 0, got -1"),
+        ({"tractor.mass": float("inf")}, r"^stated\.tractor\.mass: expected a finite number"),
+    ):
+        with pytest.raises(VehicleError, match=message):
+            Vehicle.loads(TEXT).with_stated(sigmas)
 
 
 def test_stated_sigmas_by_path() -> None:
@@ -111,49 +97,31 @@ def test_stated_sigmas_by_path() -> None:
     assert Vehicle.loads(text).parameters() == Vehicle.loads(TEXT).parameters()
 
 
-def test_place_of_an_accelerometer() -> None:
-    """Its own table, with stated sigmas; it does not change the motion, so no other number depends on it."""
+def test_places_of_accelerometers() -> None:
+    """Tables with stated sigmas; one without a table of its own is at the place of the unit's accelerometer. They do
+    not change the motion, so no other number depends on them."""
     place = '[unit.accelerometer]\nposition = "-1.2 +- 0.1 m"\nheight = 0.9\n'
-    vehicle = Vehicle.loads(TEXT.replace("[[unit.axle_group]]", place + "[[unit.axle_group]]", 1))
-    assert vehicle.parameters()["tractor.accelerometer.position"] == -1.2
-    assert vehicle.parameters()["tractor.accelerometer.height"] == 0.9
-    assert vehicle.stated == {"tractor.accelerometer.position": 0.1}
-    assert Vehicle.loads(vehicle.to_toml()) == vehicle
-    assert changes(vehicle) == changes(Vehicle.loads(TEXT))
-    tractor, trailer = vehicle.units
-    assert tractor.place_of_accelerometer() == tractor.accelerometer
-    assert (trailer.place_of_accelerometer().position, trailer.place_of_accelerometer().height) == (
-        trailer.cog,
-        trailer.roll_axis_height,
-    )
-    with pytest.raises(VehicleError, match="reserved"):
-        Vehicle.loads(TEXT.replace('name = "drive"', 'name = "accelerometer"'))
-
-
-def test_places_of_several_accelerometers() -> None:
-    """Each has a table of its own by its name; one without a table is at the place of the unit's accelerometer."""
     table = '[unit.accelerometers.rear]\nposition = "-4.1 +- 0.2 m"\nheight = "1.1 m"\n'
-    text = TEXT.replace("[[unit.axle_group]]", table + "[[unit.axle_group]]", 1)
+    text = TEXT.replace("[[unit.axle_group]]", place + table + "[[unit.axle_group]]", 1)
     vehicle = Vehicle.loads(text)
+    assert vehicle.parameters()["tractor.accelerometer.height"] == 0.9
     assert vehicle.parameters()["tractor.accelerometers.rear.position"] == -4.1
-    assert vehicle.stated == {"tractor.accelerometers.rear.position": 0.2}
+    assert vehicle.stated == {"tractor.accelerometer.position": 0.1, "tractor.accelerometers.rear.position": 0.2}
     assert Vehicle.loads(vehicle.to_toml()) == vehicle
-    assert hash(Vehicle.loads(vehicle.to_toml())) == hash(vehicle)
     assert changes(vehicle) == changes(Vehicle.loads(TEXT))
     tractor = vehicle.units[0]
     assert tractor.place_of_accelerometer("rear") == tractor.accelerometers["rear"]
-    assert tractor.place_of_accelerometer("front") == tractor.place_of_accelerometer()
-    moved = vehicle.replace({"tractor.accelerometers.rear.height": 0.7})
-    assert moved.units[0].accelerometers["rear"].height == 0.7
-    assert 'height = "0.7 m"' in edited(text, moved)
-    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear\.x: no such key"):
-        Vehicle.loads(text.replace('height = "1.1 m"\n', "x = 1\n"))
-    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear\.height: expected a value, got none"):
-        Vehicle.loads(text.replace('height = "1.1 m"\n', ""))
-    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear: expected a table"):
-        Vehicle.loads(text.replace(table, '[unit.accelerometers]\nrear = "-4.1 m"\n'))
-    with pytest.raises(VehicleError, match="expected a name of lower-case letters"):
-        Vehicle.loads(text.replace("accelerometers.rear", "accelerometers.Rear"))
+    assert tractor.place_of_accelerometer("front") == tractor.place_of_accelerometer() == tractor.accelerometer
+    assert 'height = "0.7 m"' in edited(text, vehicle.replace({"tractor.accelerometers.rear.height": 0.7}))
+    for old, new, message in (
+        ('height = "1.1 m"\n', "x = 1\n", r"tractor\.accelerometers\.rear\.x: no such key"),
+        ('height = "1.1 m"\n', "", r"tractor\.accelerometers\.rear\.height: expected a value, got none"),
+        (table, '[unit.accelerometers]\nrear = "-4.1 m"\n', r"tractor\.accelerometers\.rear: expected a table"),
+        ("accelerometers.rear", "accelerometers.Rear", "expected a name of lower-case letters"),
+        ('name = "drive"', 'name = "accelerometer"', "reserved"),
+    ):
+        with pytest.raises(VehicleError, match=message):
+            Vehicle.loads(text.replace(old, new))
 
 
 def test_pneumatic_trail() -> None:
@@ -186,41 +154,16 @@ def test_number_of_tyres() -> None:
         Vehicle.loads(TEXT.replace("axles = [", "tyres = 1\naxles = ["))
 
 
-def test_vehicles_with_different_stated_sigmas_differ_but_share_a_model() -> None:
-    vehicle = Vehicle.loads(TEXT)
-    stated = vehicle.with_stated({"tractor.mass": 70.0})
-    assert stated != vehicle
-    assert topology(stated) == topology(vehicle)
-    assert stated.with_stated({"tractor.cog": 0.1}).stated == {"tractor.mass": 70.0, "tractor.cog": 0.1}
-    locked = stated.with_logged_steering({"steer.tractor.front"}, "the log")
-    assert locked.stated == stated.stated
-
-
-@pytest.mark.parametrize(
-    ("sigmas", "message"),
-    [
-        ({"tractor.masss": 1.0}, r"^tractor\.masss: no such parameter in .*did you mean 'tractor\.mass'"),
-        ({"tractor.mass": -1.0}, r"^stated\.tractor\.mass: expected a number >= 0, got -1"),
-        ({"tractor.mass": float("inf")}, r"^stated\.tractor\.mass: expected a finite number"),
-    ],
-)
-def test_wrong_stated_sigmas_are_refused(sigmas: dict[str, float], message: str) -> None:
-    with pytest.raises(VehicleError, match=message):
-        Vehicle.loads(TEXT).with_stated(sigmas)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ('"475 kN/rad"', '"475 kN/m"', r"^tractor\.front\.cornering_stiffness: expected N/rad or .*got 'kN/m'"),
-        ('"-8.0 m"', '"-8.0 kg"', r"^semitrailer\.middle\.position: expected m or .*got 'kg'"),
         (
             "floor_height",
             "floor_hight",
             r"^semitrailer\.payload\.floor_hight: no such key; did you mean 'floor_height'",
         ),
         ("[[unit.axle_group]]", "[[unit.axel_group]]", r"^tractor\.axel_group: .*did you mean 'axle_group'"),
-        ("[[coupling]]", "[[couplings]]", r"^couplings: no such key; did you mean 'coupling'"),
         ("[unit.payload]", "[[unit.payload]]", r"^semitrailer\.payload: expected a table"),
         ("[[coupling]]", "[coupling]", r"^coupling: expected an array of tables"),
         ("steerable = true\n", 'steerable = "perhaps"\n', r"^tractor\.front\.steerable: expected"),
@@ -228,30 +171,17 @@ def test_wrong_stated_sigmas_are_refused(sigmas: dict[str, float], message: str)
         ('mass = "7.2 t"', 'mass = "-7.2 t"', r"^tractor\.mass: expected 200 to 300000 kg, the range .*got -7.2 t"),
         (
             '"-3.7 m"',
-            '"-37 m"',
-            r"^tractor\.drive\.position: expected -25 to 25 m, the range of road vehicles, got -37 m; check the number",
-        ),
-        (
-            '"-3.7 m"',
             '"-0.37 m"',
             r"^tractor: expected 0\.5 to 25 m between neighbouring axles, got 0\.37 m between front and drive",
         ),
-        (
-            '"-9.3 m"',
-            '"-19.3 m"',
-            r"^semitrailer: expected 0\.5 to 6 m between neighbouring axles, got 11\.3 m between middle and rear",
-        ),
         ('"5700 kN m/rad"', '"5700 N m/rad"', r"expected 10000 to 1e\+08 N m/rad, .*got 5700 N m/rad; "),
-        ('mass = "7.2 t"', 'mass = "7200 t"', r"^tractor\.mass: expected 200 to 300000 kg, .*got 7200 t; "),
         ('mass = "7.2 t"', "mass = ", r"^expected TOML"),
         ('"7.2 t"', '"7.2 t +- 2 m"', r"^tractor\.mass: after '\+-': expected kg or .*got 'm'; give .* in percent"),
-        ('"7.2 t"', '"7.2 t +- 0.2"', r"^tractor\.mass: after '\+-': expected a unit, .*write '\+- 0\.2 t'"),
         (
             '"7.2 t"',
             '"7.2 t +- -2 %"',
             r"^tractor\.mass: after '\+-': expected a finite .*, 0 or more, got .*magnitude",
         ),
-        ('"7.2 t"', '"7.2 t +- 2 % +- 1 t"', r"^tractor\.mass: expected one '\+- \.\.\.' or 'exact' .*keep only one"),
         ('"0 kg m^2"', '"0 kg m^2 +- 2 %"', r"^tractor\.sprung\.roll_yaw_product: after .*percent of 0 is 0"),
         ("source", "exact = 1\nsource", r"^exact: expected true or false, got 1; write exact = true"),
         ("source", 'stated = "7 t"\nsource', r"^stated: no such key"),
@@ -261,13 +191,6 @@ def test_wrong_files_are_refused(old: str, new: str, message: str) -> None:
     assert old in TEXT
     with pytest.raises(VehicleError, match=message):
         Vehicle.loads(TEXT.replace(old, new))
-
-
-def test_an_exact_file_states_no_sigma() -> None:
-    text = "exact = true\n" + TEXT
-    assert Vehicle.loads(text.replace('"7.2 t"', '"7.2 t exact"')).is_exact
-    with pytest.raises(VehicleError, match=r"^tractor\.mass: expected no '\+-' where exact = true, got 72 kg; remove"):
-        Vehicle.loads(text.replace('"7.2 t"', '"7.2 t +- 1 %"'))
 
 
 def test_unreadable_file_is_named(tmp_path: Path) -> None:

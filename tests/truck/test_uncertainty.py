@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.truck import Vehicle, catalogue, changes
@@ -15,7 +14,6 @@ from tests.truck.test_vehicle import unit as make_unit
 ARTICLE = catalogue.get("cheng_cebon_2011")
 PATHS = tuple(ARTICLE.parameters())
 TRIDEM = {f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")}
-PAGE = Path(__file__).parents[2] / "docs" / "vehicle.md"
 
 any_stated = st.dictionaries(st.sampled_from(PATHS), st.sampled_from([0.0, 1e-3, 0.7, 50.0]))
 
@@ -33,24 +31,20 @@ def test_names(name: str) -> None:
         expected += [f"{unit.name}.{key}" for key in ("mass", *load, "cog", "axle_positions", *behind)]
     expected += [f"{coupling.name}.yaw_damping" for coupling in vehicle.couplings if coupling.yaw_damping]
     assert list(slopes(vehicle)) == expected
+    values = vehicle.parameters()
+    for change in changes(vehicle):  # one standard deviation gives a possible vehicle
+        for sign in (-1, 1):
+            vehicle.replace({path: values[path] + sign * slope for path, slope in change.slopes.items()})
 
 
 def test_masses_by_hand() -> None:
     by_name = slopes(ARTICLE)
-    assert by_name["mass_scale"] == pytest.approx(
-        {
-            "tractor.mass": 144.0,
-            "tractor.sprung.mass": 106.0,
-            "tractor.yaw_inertia": 440.0,
-            "tractor.sprung.roll_inertia": 60.0,
-            "semitrailer.mass": 669.0,
-            "semitrailer.sprung.mass": 221.56,
-            "semitrailer.payload.mass": 402.44,
-            "semitrailer.yaw_inertia": 8274.0,
-            "semitrailer.sprung.roll_inertia": 219.95420416,
-        },
-        rel=1e-12,
-    )
+    tractor = {"mass": 144.0, "sprung.mass": 106.0, "yaw_inertia": 440.0, "sprung.roll_inertia": 60.0}
+    trailer = {"mass": 669.0, "sprung.mass": 221.56, "payload.mass": 402.44, "yaw_inertia": 8274.0}
+    trailer["sprung.roll_inertia"] = 219.95420416
+    both = {"tractor": tractor, "semitrailer": trailer}
+    expected = {f"{unit}.{key}": value for unit, values in both.items() for key, value in values.items()}
+    assert by_name["mass_scale"] == pytest.approx(expected, rel=1e-12)
     assert by_name["tractor.mass"] == pytest.approx({"tractor.mass": 144.0, "tractor.sprung.mass": 106.0}, rel=1e-12)
     assert by_name["semitrailer.payload.mass"] == pytest.approx(
         {"semitrailer.payload.mass": 603.66, "semitrailer.sprung.mass": -603.66}, rel=1e-12
@@ -70,25 +64,15 @@ def test_lengths_by_hand() -> None:
         assert by_name["semitrailer.cog"] == {"semitrailer.cog": 0.15}
         assert by_name["tractor.axle_positions"] == pytest.approx({"tractor.drive.position": -0.03}, rel=1e-12)
         assert by_name["tractor.coupling"] == pytest.approx({"fifth_wheel.leading_position": 0.037}, rel=1e-12)
-        assert by_name["semitrailer.axle_positions"] == pytest.approx(
-            {
-                "semitrailer.front.position": -0.03 * 6.7 / 9.3,
-                "semitrailer.middle.position": -0.03 * 8.0 / 9.3,
-                "semitrailer.rear.position": -0.03,
-            },
-            rel=1e-12,
-        )
+        places = {"front": 6.7, "middle": 8.0, "rear": 9.3}
+        expected = {f"semitrailer.{axle}.position": -0.03 * x / 9.3 for axle, x in places.items()}
+        assert by_name["semitrailer.axle_positions"] == pytest.approx(expected, rel=1e-12)
     middle = slopes(b_double())["middle.coupling"]  # axles 6 and 8 m behind the kingpin
     assert middle == pytest.approx({"rear_wheel.leading_position": 0.07}, rel=1e-12)
     two_groups = make_unit("middle", cog=-4, axle_groups=(group("front", -2), group("rear", -6, -8)))
     chain = b_double()
     chain = Vehicle(name="chain", units=(chain.units[0], two_groups, chain.units[2]), couplings=chain.couplings)
     assert slopes(chain)["middle.coupling"] == middle  # the wheelbase ends at the last group
-
-
-def test_a_single_unit_has_no_coupling() -> None:
-    alone = Vehicle(name="alone", units=ARTICLE.units[:1])
-    assert list(slopes(alone)) == ["mass_scale", "tractor.mass", "tractor.cog", "tractor.axle_positions"]
 
 
 def test_stated_masses_by_hand() -> None:
@@ -139,16 +123,7 @@ def test_the_axles_of_a_group_share_their_stated_error() -> None:
     assert not drive.keys() & by_name.get("tractor.axle_positions", {}).keys()
 
 
-def test_the_stated_self_steering_of_an_axle_that_does_not_steer_itself() -> None:
-    path = "semitrailer.front.self_steering"
-    by_name = slopes(ARTICLE.replace({path: 0.0}).with_stated({path: 0.1}))
-    assert by_name[path] == {path: 0.1}
-
-
-def test_an_exact_vehicle_has_no_changes() -> None:
-    assert changes(Vehicle.loads("exact = true\n" + catalogue.text("cheng_cebon_2011"))) == ()
-
-
+@settings(max_examples=30)
 @given(any_stated)
 def test_a_stated_number_has_its_stated_standard_deviation(stated: dict[str, float]) -> None:
     found = changes(ARTICLE.with_stated(stated))
@@ -159,6 +134,7 @@ def test_a_stated_number_has_its_stated_standard_deviation(stated: dict[str, flo
         assert altering == (pytest.approx({name: sigma}, rel=1e-12) if sigma else {})
 
 
+@settings(max_examples=30)
 @given(any_stated)
 def test_the_mass_of_a_unit_is_altered_only_by_weighing_it(stated: dict[str, float]) -> None:
     by_name = slopes(ARTICLE.with_stated(stated))
@@ -171,27 +147,6 @@ def test_the_mass_of_a_unit_is_altered_only_by_weighing_it(stated: dict[str, flo
             assert sum(by_name[name].get(path, 0.0) for path in masses) == 0
 
 
-@given(any_stated)
-def test_a_change_alters_the_laden_body_in_proportion_to_the_unit(stated: dict[str, float]) -> None:
-    masses = ("semitrailer.sprung.mass", "semitrailer.payload.mass")
-    if set(masses) <= set(stated):
-        return
-    for name in ("mass_scale", "semitrailer.mass"):
-        by_path = slopes(ARTICLE.with_stated(stated)).get(name, {})
-        if "semitrailer.mass" in by_path:
-            body = sum(by_path.get(path, 0.0) for path in masses)
-            assert body / by_path["semitrailer.mass"] == pytest.approx(31200 / 33450, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", catalogue.names())
-def test_one_standard_deviation_gives_a_possible_vehicle(name: str) -> None:
-    truck = catalogue.get(name)
-    values = truck.parameters()
-    for change in changes(truck):
-        for sign in (-1, 1):
-            truck.replace({path: values[path] + sign * slope for path, slope in change.slopes.items()})
-
-
 def test_lumping_does_not_alter_the_uncertainty_of_the_laden_body() -> None:
     """With both masses stated, their sum has the standard deviation of the lumped body."""
     stated = {"semitrailer.sprung.mass": 30.0, "semitrailer.payload.mass": 40.0, "semitrailer.payload.height": 0.1}
@@ -199,9 +154,7 @@ def test_lumping_does_not_alter_the_uncertainty_of_the_laden_body() -> None:
     both = [sum(change.slopes.get(path, 0.0) for path in stated if path.endswith("mass")) for change in changes(truck)]
     assert math.hypot(*both) == pytest.approx(50.0, rel=1e-12)
     assert truck.lumped().stated == {"semitrailer.sprung.mass": pytest.approx(50.0), "tractor.cog": 0.02}
-
-
-def test_an_exact_vehicle_is_exact_when_lumped() -> None:
     exact = ARTICLE.with_stated(dict.fromkeys(PATHS, 0.0))
+    assert changes(exact) == ()
     assert exact.lumped().is_exact
     assert not exact.with_stated({"semitrailer.payload.height": 0.1}).lumped().is_exact

@@ -6,8 +6,7 @@ from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics.model import topology
-from fifthwheel.truck import Coupling, Vehicle, catalogue, get
-from fifthwheel.truck.catalogue import edited
+from fifthwheel.truck import Coupling, Vehicle, catalogue, changes, get
 
 TEXT = catalogue.text("cheng_cebon_2011")
 REAR = '{ name = "rear", position = "-9.3 m", steerable = true }'
@@ -29,20 +28,6 @@ def test_a_file_states_how_axles_steer():
     assert "semitrailer.middle.self_steering" not in parameters
     assert 'self_steering = "0.8 +- 0.05"' in truck.to_toml()
     assert Vehicle.loads(truck.to_toml()) == truck
-
-
-def test_a_file_with_comments_keeps_them_where_the_number_of_an_axle_changes():
-    text = with_rear("self_steering = 0.8")
-    truck = Vehicle.loads(text).replace({"semitrailer.rear.self_steering": 0.7})
-    assert 'self_steering = "0.7"' in edited(text, truck)
-    assert "#" in edited(text, truck)
-
-
-def test_a_single_axle_has_its_keys_in_its_group():
-    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\nself_steering = "0.5 exact"', 1)
-    truck = Vehicle.loads(text)
-    assert truck.units[0].axles[-1].self_steering == 0.5
-    assert truck.stated["tractor.drive.self_steering"] == 0
 
 
 def test_a_raised_axle_carries_no_load():
@@ -89,9 +74,7 @@ leading_position = "-3.1 m"
     [
         ("self_steering = 1.2", r"semitrailer\.rear\.self_steering: expected a number <= 1, got 1.2"),
         ("self_steering = -0.1", r"self_steering: expected a number >= 0, got -0.1; correct it"),
-        ("command_steering = 30", r"command_steering: expected a number <= 1"),
         ("self_steering = 0.8, steerable = true", "one kind of steering, got steerable and self_steering; keep"),
-        ("self_steering = 0.8, command_steering = 0.1", "self_steering and command_steering; keep one"),
         ("lifted = true, steerable = true", r"rear\.lifted: expected false for a steerable axle; remove"),
         ("castor = 0.8", "castor: no such key"),
     ],
@@ -101,59 +84,48 @@ def test_invalid_keys_are_refused_with_a_cure(rear: str, message: str):
         Vehicle.loads(with_rear(rear))
 
 
-def test_a_group_needs_an_axle_on_the_road():
-    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\nlifted = true', 1)
-    with pytest.raises(VehicleError, match=r"tractor\.drive\.axles: expected one on the road.*leave the group out"):
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("lifted = true", r"tractor\.drive\.axles: expected one on the road.*leave the group out"),
+        ("command_steering = 0.2", r"tractor\.drive\.command_steering: expected a unit behind a coupling"),
+    ],
+)
+def test_an_only_axle_is_on_the_road_and_the_first_unit_has_no_articulation_to_steer_by(key: str, message: str):
+    text = TEXT.replace('position = "-3.7 m"', f'position = "-3.7 m"\n{key}', 1)
+    with pytest.raises(VehicleError, match=message):
         Vehicle.loads(text)
 
 
 def test_a_unit_needs_an_axle_with_side_force():
-    middle = '{ name = "middle", position = "-8.0 m", steerable = true }'
     text = with_rear("self_steering = 1", "self_steering = 1")
-    text = text.replace(middle, '{ name = "middle", position = "-8.0 m", self_steering = 1 }')
+    middle = 'position = "-8.0 m", '
+    text = text.replace(f"{middle}steerable = true", f"{middle}self_steering = 1")
     with pytest.raises(VehicleError, match=r"semitrailer\.rear\.self_steering: expected an axle with side force"):
-        Vehicle.loads(text)
-
-
-def test_the_first_unit_has_no_articulation_angle_to_steer_by():
-    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\ncommand_steering = 0.2', 1)
-    with pytest.raises(VehicleError, match=r"tractor\.drive\.command_steering: expected a unit behind a coupling"):
         Vehicle.loads(text)
 
 
 PLACE = {"leading_position": -3.0, "trailing_position": 0.0, "height": 0.6}
 
 
-def test_a_drawbar_eye_is_free_in_roll() -> None:
+def test_what_kinds_of_couplings_need() -> None:
     eye = Coupling(name="eye", kind="drawbar_eye", **PLACE)
     assert (eye.roll_stiffness, eye.roll_damping) == (0.0, 0.0)
     with pytest.raises(VehicleError, match=r"eye.roll_stiffness: expected 0 for a drawbar eye.*give another kind"):
         Coupling(name="eye", kind="drawbar_eye", roll_stiffness=1e6, **PLACE)
-
-
-def test_other_kinds_need_a_roll_stiffness() -> None:
     with pytest.raises(VehicleError, match=r"fifth_wheel.roll_stiffness|roll_stiffness: expected a value"):
         Coupling(**PLACE)
-
-
-def test_a_turntable_belongs_to_a_dolly_with_a_drawbar() -> None:
     vehicle = get("truck_full_trailer")
-    eye, turntable = vehicle.couplings
-    wheel = eye.model_copy(update={"kind": "fifth_wheel", "roll_stiffness": 3e6})
+    wheel = vehicle.couplings[0].model_copy(update={"kind": "fifth_wheel", "roll_stiffness": 3e6})
     with pytest.raises(VehicleError, match=r"turntable.kind: expected a drawbar_eye in front"):
-        Vehicle(name="wrong", units=vehicle.units, couplings=(wheel, turntable))
+        Vehicle(name="wrong", units=vehicle.units, couplings=(wheel, vehicle.couplings[1]))
 
 
-def shifted(distance: float) -> Vehicle:
-    """The truck with full trailer, its turntable ahead of the axle of the dolly by a distance, m."""
+def test_dolly_and_full_trailer_carry_their_weight_alone() -> None:
+    """The hinged drawbar carries no vertical load: forces and moments of dolly and body balance without it, also with
+    the turntable 0.3 m ahead of the axle of the dolly."""
     vehicle = get("truck_full_trailer")
-    return vehicle.replace({"turntable.leading_position": vehicle.couplings[1].leading_position + distance})
-
-
-@pytest.mark.parametrize("distance", [0.0, 0.3])
-def test_dolly_and_full_trailer_carry_their_weight_alone(distance: float) -> None:
-    """The hinged drawbar carries no vertical load: forces and moments of dolly and body balance without it."""
-    vehicle = shifted(distance)
+    vehicle = vehicle.replace({"turntable.leading_position": vehicle.couplings[1].leading_position + 0.3})
     truck, dolly, trailer = vehicle.units
     loads = vehicle.axle_loads()
     assert loads["truck.front"] + loads["truck.drive"] == pytest.approx(truck.mass * GRAVITY, rel=1e-12)
@@ -175,41 +147,42 @@ def test_an_ordinary_fifth_wheel_on_a_dolly_loads_the_drawbar() -> None:
     assert on_truck == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_vehicle_file_keeps_the_kinds() -> None:
-    vehicle = get("truck_full_trailer")
-    assert [c.kind for c in vehicle.couplings] == ["drawbar_eye", "turntable"]
+BUS = catalogue.text("articulated_bus")
+DAMPING = 'yaw_damping = "30 kN m s/rad"'
+
+
+def with_line(line: str) -> Vehicle:
+    return Vehicle.loads(BUS.replace(DAMPING, line))
+
+
+def test_the_keys_have_units_and_standard_deviations() -> None:
+    vehicle = with_line('yaw_stiffness = "5 kN m/rad +- 1 kN m/rad"\nyaw_damping = "20 kN m s/rad +- 50 %"')
+    values = {path: value for path, value in vehicle.parameters().items() if path.startswith("joint.yaw")}
+    assert values == {"joint.yaw_stiffness": 5e3, "joint.yaw_damping": 2e4}
+    assert vehicle.stated == {"joint.yaw_stiffness": 1e3, "joint.yaw_damping": 1e4}
     assert Vehicle.loads(vehicle.to_toml()) == vehicle
+    found = {change.name: change.slopes for change in changes(vehicle)}
+    assert found["joint.yaw_damping"] == {"joint.yaw_damping": 1e4}
+    assert not any(path.endswith(("yaw_stiffness", "yaw_damping")) for path in with_line("").parameters())
 
 
-def test_a_class_gives_the_kind() -> None:
-    vehicle = Vehicle.loads(
-        """
-        name = "drawbar"
-        [[unit]]
-        name = "truck"
-        class = "truck_4x2"
-        mass = "16 t"
-        axle_group = [{ name = "front", position = "0 m" }, { name = "drive", position = "-5 m" }]
-        [unit.payload]
-        [[unit]]
-        name = "dolly"
-        class = "dolly"
-        axle_group = [{ position = "-2.8 m" }]
-        [[unit]]
-        name = "trailer"
-        class = "full_trailer"
-        mass = "14 t"
-        axle_group = [{ position = "-5 m" }]
-        [unit.payload]
-        [[coupling]]
-        name = "drawbar"
-        leading_position = "-6.5 m"
-        [[coupling]]
-        name = "ring"
-        leading_position = "-2.8 m"
-        """
-    )
-    assert [c.kind for c in vehicle.couplings] == ["drawbar_eye", "turntable"]
-    loads = vehicle.axle_loads()
-    assert loads["truck.front"] + loads["truck.drive"] == pytest.approx(16000 * GRAVITY)
-    assert vehicle.parameters()["dolly.cornering_stiffness"] == pytest.approx(5.7 * loads["dolly"], rel=1e-6)
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("yaw_damper = 20000", r"joint\.yaw_damper: no such key; did you mean 'yaw_damping'\?"),
+        ("articulation_stiffness = 1", r"no such key; did you mean .*'yaw_stiffness'"),
+        ('yaw_damping = "20 kN m"', r"joint\.yaw_damping: expected N m s/rad"),
+        ('yaw_stiffness = "20 kN"', r"joint\.yaw_stiffness: expected N m/rad .*; give the moment per angle"),
+        ("yaw_damping = -1", r"joint\.yaw_damping: expected 0 to 1e\+06 N m s/rad"),
+    ],
+)
+def test_a_wrong_key_or_value_is_refused_with_the_right_one(line: str, message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        with_line(line)
+
+
+def test_buses_and_caravans_usually_have_a_damper() -> None:
+    """Not semitrailers, whose fifth wheel is ahead of the last axle, and not the drawbars of dollies."""
+    for name in catalogue.names():
+        found = [coupling.name for coupling in catalogue.get(name).couplings_with_damper()]
+        assert found == {"articulated_bus": ["joint"], "car_caravan": ["ball"]}.get(name, []), name

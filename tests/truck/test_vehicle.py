@@ -5,8 +5,6 @@ import sys
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, catalogue, unit_of
@@ -57,58 +55,20 @@ def test_a_number_without_a_unit_cannot_exist() -> None:
         type("Bad", (Component,), {"__annotations__": {"mass": float}, "mass": number("t", "Of the load.")})
 
 
-def test_paths() -> None:
-    for path in (
-        "tractor.sprung.roll_yaw_product",
-        "tractor.drive.tyre_roll_stiffness",
-        "tractor.front.position",
-        "semitrailer.cornering_stiffness",
-        "semitrailer.middle.position",
-        "semitrailer.payload.floor_height",
-        "fifth_wheel.leading_position",
-    ):
-        assert path in PATHS
-    assert len(PATHS) == 8 + 2 * 6 + 8 + 4 + 5 + 3 + 5
-    assert not any(".axles." in path for path in PATHS)
-
-
-def test_units_of_paths() -> None:
-    assert unit_of("tractor.front.cornering_stiffness") == "N/rad"
-    assert unit_of("semitrailer.roll_stiffness") == "N m/rad"
-    assert unit_of("semitrailer.payload.mass") == "kg"
-    with pytest.raises(VehicleError, match="did you mean 'cornering_stiffness'"):
-        unit_of("tractor.front.cornering_stifness")
-
-
-@given(st.sampled_from(PATHS))
-def test_replace_changes_one_value(path: str) -> None:
+def test_replace_changes_one_value() -> None:
     before = ARTICLE.parameters()
-    value = before[path] * 1.001 or 1e-3
-    assert ARTICLE.replace({path: value}).parameters() == before | {path: value}
-
-
-def test_replace_does_not_change_the_original() -> None:
-    heavier = ARTICLE.replace({"tractor.mass": 7300, "tractor.front.position": 0.1})
-    assert heavier.units[0].mass == 7300
-    assert heavier.units[0].axles[0].position == 0.1
-    assert ARTICLE.units[0].mass == 7200
-    assert heavier.replace({"tractor.mass": 7200, "tractor.front.position": 0}) == ARTICLE
-
-
-def test_unknown_path_is_answered_with_a_similar_one() -> None:
-    with pytest.raises(
-        VehicleError, match=r"tractor\.front\.cornering_stifness: .*tractor\.front\.cornering_stiffness"
-    ):
-        ARTICLE.replace({"tractor.front.cornering_stifness": 1.0})
+    assert len(PATHS) == 8 + 2 * 6 + 8 + 4 + 5 + 3 + 5
+    for path in PATHS:
+        value = before[path] * 1.001 or 1e-3
+        assert ARTICLE.replace({path: value}).parameters() == before | {path: value}
+    assert ARTICLE.parameters() == before
 
 
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
         ("tractor.mass", -1.0, r"tractor\.mass: expected a number > 0, got -1"),
-        ("tractor.mass", float("nan"), r"tractor\.mass: expected a"),
         ("tractor.mass", float("inf"), r"tractor\.mass: expected a finite number"),
-        ("tractor.sprung.mass", 0.0, r"tractor\.sprung\.mass: expected a number > 0"),
         ("tractor.sprung.mass", 7200.0, r"tractor\.sprung\.mass: expected less than the mass of the unit"),
         ("semitrailer.payload.mass", 3e4, r"semitrailer\.sprung\.mass \+ payload\.mass: expected less"),
         ("tractor.drive.cornering_stiffness", -7e5, r"tractor\.drive\.cornering_stiffness: expected a number >"),
@@ -117,7 +77,7 @@ def test_unknown_path_is_answered_with_a_similar_one() -> None:
         ("semitrailer.roll_damping", -1.0, r"semitrailer\.roll_damping: expected a number >= 0"),
         ("fifth_wheel.leading_position", 3.1, r"fifth_wheel\.leading_position: expected between"),
         ("fifth_wheel.trailing_position", -10.0, r"fifth_wheel\.trailing_position: expected between"),
-        ("fifth_wheel.roll_stiffness", -1.0, r"fifth_wheel\.roll_stiffness: expected a number >= 0"),
+        ("tractor.front.cornering_stifness", 1.0, r"tractor\.front\.cornering_stifness: .*front\.cornering_stiffness"),
     ],
 )
 def test_impossible_values_name_the_path(path: str, value: float, message: str) -> None:
@@ -125,9 +85,17 @@ def test_impossible_values_name_the_path(path: str, value: float, message: str) 
         ARTICLE.replace({path: value})
 
 
-def test_names() -> None:
+def test_wrong_names_and_structures_are_refused() -> None:
     with pytest.raises(VehicleError, match="lower-case"):
         Axle(name="Front axle", position=0)
+    with pytest.raises(VehicleError, match=r"cog_height: expected a value, got none"):
+        SprungMass(mass=1, roll_inertia=1)  # type: ignore[call-arg]
+    with pytest.raises(VehicleError, match="couplings: expected 1 between 2 units, got 0"):
+        Vehicle(name="uncoupled", units=ARTICLE.units)
+    with pytest.raises(VehicleError, match="did you mean 'semitrailer'"):
+        ARTICLE.unit("trailer")
+    with pytest.raises(VehicleError, match="did you mean 'cornering_stiffness'"):
+        unit_of("tractor.front.cornering_stifness")
     with pytest.raises(VehicleError, match="axle_groups: expected different names, got front"):
         unit(axle_groups=(group("front", 0), group("front", -4)))
     with pytest.raises(VehicleError, match="sprung: expected another name"):
@@ -136,40 +104,10 @@ def test_names() -> None:
         Vehicle(**(ARTICLE.model_dump() | {"couplings": [ARTICLE.couplings[0].model_dump() | {"name": "tractor"}]}))
 
 
-def test_missing_and_unknown_keys() -> None:
-    with pytest.raises(VehicleError, match=r"cog_height: expected a value, got none"):
-        SprungMass(mass=1, roll_inertia=1)  # type: ignore[call-arg]
-    with pytest.raises(VehicleError, match=r"cog_hight: no such key; did you mean 'cog_height'"):
-        SprungMass(mass=1, cog_hight=1, cog_height=1, roll_inertia=1)  # type: ignore[call-arg]
-
-
-def test_number_of_couplings_is_checked() -> None:
-    with pytest.raises(VehicleError, match="couplings: expected 1 between 2 units, got 0"):
-        Vehicle(name="uncoupled", units=ARTICLE.units)
-
-
-def test_single_axle_takes_the_name_of_its_group() -> None:
-    fields = group("steered", 0).model_dump() | {"axles": [{"position": 0.0}]}
-    assert AxleGroup(**fields).axles[0].name == "steered"
-
-
-def test_stiffnesses_in_series() -> None:
-    front = ARTICLE.units[0].axle_groups[0]
-    assert front.total_roll_stiffness == pytest.approx(380e3 * 1900e3 / (380e3 + 1900e3), rel=1e-14)
-
-
-def test_steer_signals() -> None:
-    assert ARTICLE.steer_signals() == (
-        "steer.tractor.front",
-        "steer.semitrailer.front",
-        "steer.semitrailer.middle",
-        "steer.semitrailer.rear",
-    )
-
-
 def test_axles_without_a_logged_steer_angle_are_locked() -> None:
     front = "steer.tractor.front"
     locked = ARTICLE.with_logged_steering({front, "speed"}, "the log")
+    assert ARTICLE.steer_signals() == (front, *(f"steer.semitrailer.{axle}" for axle in ("front", "middle", "rear")))
     assert locked.steer_signals() == (front,)
     assert locked.parameters() == ARTICLE.parameters()
     two = {front, "steer.semitrailer.rear"}
@@ -178,12 +116,6 @@ def test_axles_without_a_logged_steer_angle_are_locked() -> None:
         ARTICLE.with_logged_steering({"speed"}, "the log")
     with pytest.raises(VehicleError, match="set steerable = true"):
         Vehicle(name="unsteered", units=(unit(),)).with_logged_steering({front}, "the log")
-
-
-def test_unit_by_name() -> None:
-    assert ARTICLE.unit("semitrailer") is ARTICLE.units[1]
-    with pytest.raises(VehicleError, match="did you mean 'semitrailer'"):
-        ARTICLE.unit("trailer")
 
 
 def test_axle_loads_of_a_chain_balance_weight_and_moment() -> None:

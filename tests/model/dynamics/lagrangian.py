@@ -23,15 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 from scipy.linalg import block_diag
-from sympy.physics.mechanics import (
-    LagrangesMethod,
-    Point,
-    ReferenceFrame,
-    RigidBody,
-    Vector,
-    dynamicsymbols,
-    inertia,
-)
+from sympy.physics.mechanics import LagrangesMethod, Point, ReferenceFrame, RigidBody, Vector, dynamicsymbols, inertia
 
 from fifthwheel.base.types import Array
 from fifthwheel.truck import AxleGroup, Unit, Vehicle

@@ -4,10 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from fifthwheel.model.dynamics import matrices, modes
+from fifthwheel.model.dynamics import matrices
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle, get
 from tests.model.dynamics.lagrangian import Array, linear
 
@@ -31,82 +29,42 @@ ARTICLE = with_relaxation(TRUCK, 0.0)
 
 
 def group(name: str, stiffness: float, roll: float, *axles: Axle) -> AxleGroup:
-    return AxleGroup(
-        name=name,
-        axles=axles,
-        cornering_stiffness=stiffness,
-        roll_stiffness=roll,
-        tyre_roll_stiffness=2.5 * roll,
-        roll_damping=0.04 * roll,
-    )
+    rolling = {"roll_stiffness": roll, "tyre_roll_stiffness": 2.5 * roll, "roll_damping": 0.04 * roll}
+    return AxleGroup(name=name, axles=axles, cornering_stiffness=stiffness, **rolling)
 
 
 def b_double() -> Vehicle:
     """Three units with non-zero values of everything that is zero in the article's truck."""
-    tractor = Unit(
-        name="tractor",
-        mass=8600,
-        cog=-1.9,
-        yaw_inertia=41000,
-        roll_axis_height=0.55,
-        sprung=SprungMass(mass=6400, cog_height=1.12, roll_inertia=5100, roll_yaw_product=1900),
-        axle_groups=(
-            group("front", 4.1e5, 3.4e5, Axle(name="front", position=0.1, steerable=True)),
-            group("drive", 9.3e5, 9e5, Axle(name="second", position=-4.3), Axle(name="third", position=-5.6)),
-        ),
-    )
-    lead = Unit(
-        name="lead",
-        mass=24000,
-        cog=-4.3,
-        yaw_inertia=150000,
-        roll_axis_height=0.75,
-        sprung=SprungMass(mass=6100, cog_height=1.3, roll_inertia=7900, roll_yaw_product=-4100),
-        payload=Payload(mass=15500, height=1.4, width=2.3, floor_height=1.2),
-        axle_groups=(group("axles", 8.8e5, 2e6, Axle(name="one", position=-6.9), Axle(name="two", position=-8.2)),),
-    )
-    last = Unit(
-        name="last",
-        mass=21000,
-        cog=-5.2,
-        yaw_inertia=210000,
-        roll_axis_height=0.82,
-        sprung=SprungMass(mass=7300, cog_height=1.25, roll_inertia=8300, roll_yaw_product=6500),
-        payload=Payload(mass=11900, height=1.1, width=2.2, floor_height=1.15, shape="point"),
-        axle_groups=(
-            group("front", 3.9e5, 8e5, Axle(name="lift", position=-5.9)),
-            group(
-                "rear",
-                7.7e5,
-                1.7e6,
-                Axle(name="rigid", position=-7.3),
-                Axle(name="steered", position=-8.7, steerable=True),
-            ),
-        ),
+    front = group("front", 4.1e5, 3.4e5, Axle(name="front", position=0.1, steerable=True))
+    drive = group("drive", 9.3e5, 9e5, Axle(name="second", position=-4.3), Axle(name="third", position=-5.6))
+    axles = group("axles", 8.8e5, 2e6, Axle(name="one", position=-6.9), Axle(name="two", position=-8.2))
+    lift, rigid = Axle(name="lift", position=-5.9), Axle(name="rigid", position=-7.3)
+    steered = Axle(name="steered", position=-8.7, steerable=True)
+
+    def sprung(mass: float, height: float, inertia: float, product: float) -> SprungMass:
+        return SprungMass(mass=mass, cog_height=height, roll_inertia=inertia, roll_yaw_product=product)
+
+    def wheel(name: str, ahead: float, behind: float, height: float, *numbers: float) -> Coupling:
+        names = ("roll_stiffness", "roll_damping", "yaw_stiffness", "yaw_damping")
+        place = {"leading_position": ahead, "trailing_position": behind, "height": height}
+        return Coupling(name=name, **place, **dict(zip(names, numbers, strict=True)))
+
+    tractor = {"mass": 8600, "cog": -1.9, "yaw_inertia": 41000, "roll_axis_height": 0.55}
+    lead = {"mass": 24000, "cog": -4.3, "yaw_inertia": 150000, "roll_axis_height": 0.75}
+    lead |= {"payload": Payload(mass=15500, height=1.4, width=2.3, floor_height=1.2)}
+    last = {"mass": 21000, "cog": -5.2, "yaw_inertia": 210000, "roll_axis_height": 0.82}
+    last |= {"payload": Payload(mass=11900, height=1.1, width=2.2, floor_height=1.15, shape="point")}
+    of_last = (group("front", 3.9e5, 8e5, lift), group("rear", 7.7e5, 1.7e6, rigid, steered))
+    units = (
+        Unit(name="tractor", **tractor, sprung=sprung(6400, 1.12, 5100, 1900), axle_groups=(front, drive)),
+        Unit(name="lead", **lead, sprung=sprung(6100, 1.3, 7900, -4100), axle_groups=(axles,)),
+        Unit(name="last", **last, sprung=sprung(7300, 1.25, 8300, 6500), axle_groups=of_last),
     )
     wheels = (
-        Coupling(
-            name="front_wheel",
-            leading_position=-4.8,
-            trailing_position=0.2,
-            height=1.2,
-            roll_stiffness=2.4e6,
-            roll_damping=1.3e4,
-            yaw_stiffness=3.1e4,
-            yaw_damping=2.7e4,
-        ),
-        Coupling(
-            name="rear_wheel",
-            leading_position=-7.6,
-            trailing_position=-0.1,
-            height=1.3,
-            roll_stiffness=1.9e6,
-            roll_damping=2.1e4,
-            yaw_stiffness=2.2e4,
-            yaw_damping=1.9e4,
-        ),
+        wheel("front_wheel", -4.8, 0.2, 1.2, 2.4e6, 1.3e4, 3.1e4, 2.7e4),
+        wheel("rear_wheel", -7.6, -0.1, 1.3, 1.9e6, 2.1e4, 2.2e4, 1.9e4),
     )
-    return Vehicle(name="b_double", units=(tractor, lead, last), couplings=wheels)
+    return Vehicle(name="b_double", units=units, couplings=wheels)
 
 
 def changed(vehicle: Vehicle, draw: Callable[[float, float], float], *, masses: bool) -> Vehicle:
@@ -138,11 +96,8 @@ def changed(vehicle: Vehicle, draw: Callable[[float, float], float], *, masses: 
 KINDS = {
     "article": ARTICLE,
     "truck": TRUCK,
-    "b_double": b_double(),
-    "b_double, all relaxation": with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57),
     "b_double, some relaxation": with_relaxation(b_double(), 0.0, 0.52, 0.0, 0.0, 0.57),
     "truck_dolly_semitrailer": get("truck_dolly_semitrailer"),
-    "article, trail": with_trail(ARTICLE, 0.03, 0.06, 0.05),
     "truck, some trail": with_trail(TRUCK, 0.03, 0.06),
     "b_double, all relaxation, trail": with_trail(
         with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57), 0.03, 0.06, 0.05, 0.04, 0.07
@@ -152,16 +107,6 @@ VEHICLES = KINDS | {
     f"{name}, all changed": changed(vehicle, np.random.default_rng(seed).uniform, masses=True)
     for seed, (name, vehicle) in enumerate(KINDS.items(), 1)
 }
-FAST_AND_SLOW = [
-    "article, all changed",
-    "truck, all changed",
-    "truck, some trail, all changed",
-    *(
-        pytest.param(f"{name}, all changed", marks=pytest.mark.slow)
-        for name in ("truck_dolly_semitrailer", "b_double, some relaxation", "b_double, all relaxation, trail")
-    ),
-]
-"""The oracle's equations of three units take long."""
 
 
 def difference(actual: Array, expected: Array) -> float:
@@ -172,11 +117,21 @@ def difference(actual: Array, expected: Array) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", FAST_AND_SLOW)
+@pytest.mark.parametrize(
+    ("name", "roll"),
+    [
+        ("article", True),
+        ("truck, some trail", True),
+        ("truck, some trail", False),
+        ("truck_dolly_semitrailer", True),
+        ("b_double, some relaxation", True),
+        ("b_double, all relaxation, trail", False),
+    ],
+)
 def test_equals_lagrange(name: str, roll: bool) -> None:
-    actual = matrices(VEHICLES[name], KMH_88, roll=roll)
-    expected = linear(VEHICLES[name], KMH_88, roll=roll).ordered(actual.states)
+    vehicle = VEHICLES[f"{name}, all changed"]
+    actual = matrices(vehicle, KMH_88, roll=roll)
+    expected = linear(vehicle, KMH_88, roll=roll).ordered(actual.states)
     for matrix in "EFGAB":
         assert difference(getattr(actual, matrix), getattr(expected, matrix)) < 1e-9, matrix
     ours, theirs = np.linalg.eigvals(actual.A), np.linalg.eigvals(expected.A)
@@ -203,21 +158,6 @@ def test_every_parameter_changes_both_derivations_equally() -> None:
 
 
 @pytest.mark.slow
-@given(data=st.data())
-@settings(deadline=None, max_examples=30)
-def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
-    vehicle = changed(
-        data.draw(st.sampled_from(list(KINDS.values()))),
-        lambda low, high: data.draw(st.floats(low, high)),
-        masses=False,
-    )
-    E = matrices(vehicle, 20.0, roll=True).E
-    scale = 1 / np.sqrt(np.diag(E))
-    assert np.abs(E - E.T).max() <= 1e-12 * np.abs(E).max()
-    assert np.linalg.eigvalsh(E * scale * scale[:, None]).min() > 1e-6
-
-
-@pytest.mark.slow
 def test_misprint_of_the_roll_equation() -> None:
     """(A3) and (A6) as printed count m_s h^2 phi'' twice: the trailer's roll mode then has 1.09 instead of 1.44 Hz."""
     m = matrices(ARTICLE, KMH_88, roll=True)
@@ -226,23 +166,7 @@ def test_misprint_of_the_roll_equation() -> None:
         i = m.states.index(f"roll_rate.{unit.name}")
         lever = ARTICLE.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
         printed[i, i] += unit.laden_sprung_mass * lever**2
-    angles = [i for i, name in enumerate(m.states) if name.startswith(("articulation", "roll."))]
-
-    def trailer_roll(A: Array) -> complex:
-        """The least damped oscillation in which the trailer's roll angle is larger than any other angle."""
-        values, vectors = np.linalg.eig(A)
-        modes_of_trailer = [
-            complex(value)
-            for value, vector in zip(values, vectors.T, strict=True)
-            if value.imag > 0 and m.states[max(angles, key=lambda i: abs(vector[i]))] == "roll.semitrailer"
-        ]
-        return min(modes_of_trailer, key=lambda value: -value.real / abs(value))
-
-    corrected, misprinted = (trailer_roll(np.asarray(np.linalg.solve(E, m.F))) for E in (m.E, printed))
-    undamped = np.abs([corrected, misprinted]) / (2 * np.pi)
-    damped = np.array([corrected.imag, misprinted.imag]) / (2 * np.pi)
-    assert undamped == pytest.approx([1.441, 1.092], abs=0.001)
-    assert damped == pytest.approx([1.394, 1.072], abs=0.001)
-    assert any(mode.frequency == pytest.approx(undamped[0]) for mode in modes(ARTICLE, KMH_88))
-    expected = linear(ARTICLE, KMH_88).ordered(m.states)
-    assert trailer_roll(expected.A) == pytest.approx(corrected, rel=1e-9)  # Lagrange agrees with the correction
+    for E, undamped, damped in ((m.E, 1.441, 1.394), (printed, 1.092, 1.072)):
+        eigenvalues = np.linalg.eigvals(np.linalg.solve(E, m.F)) / (2 * np.pi)
+        mode = min(eigenvalues, key=lambda value: abs(abs(value) - undamped))
+        assert (abs(mode), abs(mode.imag)) == pytest.approx((undamped, damped), abs=0.001)

@@ -10,7 +10,7 @@ from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.large_angles import large_angles
 from fifthwheel.model.dynamics.tyres import AUXILIARY, LAWS, Contact, Law, saturating, saturation_parameters
 from fifthwheel.model.manoeuvres import braked, straight
-from fifthwheel.model.plant import Plant, Properties
+from fifthwheel.model.plant import Plant
 from fifthwheel.truck import AxleGroup, Vehicle, get
 from fifthwheel.truck.quantities import (
     DRAG_AREA,
@@ -75,8 +75,7 @@ def rates(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("roll", [False, True])
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4", "articulated_bus"])
+@pytest.mark.parametrize(("name", "roll"), [("auburn_6x4", False), ("articulated_bus", True)])
 def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None:
     """The difference falls with the square of the motion, or faster."""
     vehicle, rng = with_trail(get(name), 0.04, 0.06), np.random.default_rng(1)
@@ -111,28 +110,9 @@ def test_every_parameter_of_an_axle_group_is_in_both_laws(quantity: str) -> None
 
 
 @pytest.mark.slow
-def test_small_motion_while_braking_is_that_of_lagrange() -> None:
-    """Of an independent derivation with brakes and inertia forces; the tyres are linear, the loads do not change."""
-    truck, rng = get("cheng_cebon_2011"), np.random.default_rng(4)
-    brakes = {path: -3.0 * load / STANDARD_GRAVITY for path, load in truck.axle_loads().items()}
-    changes = LINEAR | {f"{path}.{load}": 0.0 for path in brakes for load in ("braking_load", "pull_load")}
-    names = chain.state_names(truck, roll=True)
-    x, angle = rng.normal(size=len(names)) * 0.05, 0.02
-    braking = linear(truck, SPEED, speed_rate=-3.0, brakes=brakes).ordered(names)
-    free = linear(truck, SPEED).ordered(names)
-    expected = braking.A @ x + braking.B.sum(axis=1) * angle
-    errors = [
-        np.abs(rates(truck, f * x, f * angle, roll=True, changes=changes, speed_rate=-3.0) / f - expected).max()
-        for f in (1e-2, 1e-3)
-    ]
-    effect = np.abs(free.A @ x + free.B.sum(axis=1) * angle - expected).max()
-    assert errors[0] < 0.02 * effect
-    assert errors[1] < errors[0] / 50
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "b_double"])
-@pytest.mark.parametrize(("speed_rate", "retarder"), [(0.9, 0.0), (-0.9, 1.0)])
+@pytest.mark.parametrize(
+    ("name", "speed_rate", "retarder"), [("cheng_cebon_2011", 0.9, 0.0), ("cheng_cebon_2011", -0.9, 1.0)]
+)
 def test_small_motion_while_the_first_unit_drives_or_brakes_is_that_of_the_chain(
     name: str, speed_rate: float, retarder: float
 ) -> None:
@@ -154,7 +134,7 @@ def test_small_motion_while_the_first_unit_drives_or_brakes_is_that_of_the_chain
     assert errors[1] < errors[0] / 50
 
 
-@pytest.mark.parametrize("speed_rate", [0.5, 0.0, -0.05, -3.0])
+@pytest.mark.parametrize("speed_rate", [0.5, -0.05, -3.0])
 def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> None:
     """A truck that drives, coasts nearly or brakes against its drag and rolling resistance; linear tyres.
 
@@ -203,30 +183,7 @@ def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("roll", [False, True])
-def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
-    """A model with the derivative of the speed as an input is that without it, where it is 0, except for rounding."""
-    outputs = ["yaw_rate.tractor", "lateral_acceleration.semitrailer"]
-    plain, braking = (
-        dynamics.model(TRUCK, outputs, roll=roll, tyres="saturating", braking=braking) for braking in (False, True)
-    )
-    rng, values = np.random.default_rng(3), dynamics.all_parameters(TRUCK, outputs, tyres="saturating")
-    x, c = rng.normal(size=len(plain.states)) * 0.05, plain.known_values(values)
-    inputs = np.column_stack([[SPEED, SPEED + 0.1], rng.normal(size=(2, len(plain.inputs) - 1)) * 0.05])
-    assert braking.inputs == (*plain.inputs, dynamics.SPEED_RATE)
-    with_rate = np.column_stack([inputs, [0.0, 0.0]])
-    for name in ("transition", "state_jacobian", "observation"):
-        step = [] if name == "observation" else [0.01]
-        arguments = [x, *step, inputs.ravel(), [], c], [x, *step, with_rate.ravel(), [], c]
-        expected, actual = (np.array(getattr(m, name)(*a)) for m, a in zip((plain, braking), arguments, strict=True))
-        np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("speed_rate", "retarder"),
-    [(0.0, 0.0), (-3.0, 0.0), (-0.05, 0.0), (0.5, 0.0), (-1.0, 0.7), (-3.0, 1.0)],
-)
+@pytest.mark.parametrize(("speed_rate", "retarder"), [(0.0, 0.0), (-3.0, 0.0), (0.5, 0.0), (-1.0, 0.7)])
 def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: float) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
     truck, rng = with_trail(with_relaxation(get("auburn_6x4"), 0.0), 0.04, 0.06), np.random.default_rng(2)
@@ -316,24 +273,6 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: flo
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.15  # it is not small
 
 
-@pytest.mark.parametrize(("speed_rate", "relieved"), [(0.0, 0.0), (-0.1, 0.22), (-1.0, 1.0)])
-def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved: float) -> None:
-    """In a turn it pulls at the coupling, as far as it is larger than the braking force.
-
-    Without resistance, so that the braking force is in proportion to u'.
-    """
-    names, symbol = chain.state_names(TRUCK, roll=False), ca.SX.sym("u'")
-    state = ca.SX.sym("x", len(names))
-    x = np.array([{"yaw_rate": 0.2, "articulation": -0.05}.get(name.split(".")[0], 0.0) for name in names])
-    values = TRUCK.parameters() | saturation_parameters(TRUCK) | NO_RESISTANCE
-    angles = dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
-    result = large_angles(values, TRUCK, state, ca.SX(SPEED), angles, roll=False, speed_rate=symbol)
-    moved = ca.Function("moved", [state, symbol], [result.stages.expanded(result.pull)])
-    drag = float(moved(x, 0.0))
-    assert drag > 500.0
-    assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
-
-
 def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float], rate: float = 0.0) -> dict[str, float]:
     """Load of each axle group less the static one, N, at a speed and its derivative on a straight road."""
     values = vehicle.parameters() | saturation_parameters(vehicle) | changes
@@ -345,62 +284,19 @@ def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float], rate
     return dict(zip(vehicle.axle_loads(), np.array(function(np.zeros(state.shape[0]))).ravel(), strict=True))
 
 
-def test_drag_moves_load_from_the_front_to_the_drive_axle() -> None:
-    """By a balance of moments of the tractor about the road: 1.5 m times the drag of the air, and the rolling
-    resistance of the trailer, which pulls at the coupling. None of both without resistance."""
-    p, rear = TRUCK.parameters(), np.mean([axle.position for axle in TRUCK.units[0].axles[1:]])
-    for speed, area, rolling in ((25.0, 6.0, 0.0), (25.0, 6.0, 0.006), (12.0, 0.0, 0.006), (25.0, 0.0, 0.0)):
-        pulled = p["fifth_wheel.height"] * rolling * TRUCK.axle_loads()["semitrailer"]
-        moved = (1.5 * 0.6 * area * speed**2 + pulled) / (p["tractor.front.position"] - rear)
-        actual = load_changes(TRUCK, speed, {DRAG_AREA: area, ROLLING_RESISTANCE: rolling})
-        expected = {"tractor.front": -moved, "tractor.drive": moved, "semitrailer": 0.0}
-        assert actual == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [15.0, 25.0])
-def test_the_loads_at_constant_speed_are_those_of_the_nonlinear_truck(speed: float) -> None:
-    """Within 0.25 % of the static load; without resistance, the load of the front axle is 1.2 and 1.8 % too high."""
-    course = straight(duration=5.0, speed=speed)
-    truth, loads = Plant(TRUCK).drive(course).truth, TRUCK.axle_loads()
-    expected = load_changes(TRUCK, speed, {})
-    for unit in TRUCK.units:
-        for group in unit.axle_groups:
-            path = unit.group_path(group)
-            actual = sum(truth[f"vertical_force.{unit.name}.{axle.name}"][-100:].mean() for axle in group.axles)
-            assert actual - loads[path] == pytest.approx(expected[path], abs=0.0025 * loads[path]), path
-    assert -expected["tractor.front"] > 0.01 * loads["tractor.front"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])
-def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> None:
-    """Within 2.5 % of the static load; the load of the front axle changes by 28 and 14 %. Drag and driving force of the
-    truck at constant speed also change loads."""
-    truck = get(name)
-    truth = Plant(truck).drive(braked(straight(duration=5.0), 3.0)).truth
-    last = slice(-50, None)
+def test_the_loads_while_braking_are_those_of_the_nonlinear_truck() -> None:
+    """Within 0.25 % of the static load at constant speed and 2.5 % while braking; without resistance, the load of the
+    front axle is 1.8 % too high, and it changes by 28 % while braking."""
+    truth, static = Plant(TRUCK).drive(braked(straight(duration=5.0), 3.0)).truth, TRUCK.axle_loads()
+    last, first = slice(-50, None), slice(40, 90)
     rate = np.gradient(truth["speed"], 0.01)[last].mean()
-    parameters = saturation_parameters(truck)
-    for unit in truck.units:
-        for group in unit.axle_groups:
-            path = unit.group_path(group)
-            loads = sum(truth[f"vertical_force.{unit.name}.{axle.name}"] for axle in group.axles)
-            change = loads[last].mean() - loads[:90].mean()
-            assert change == pytest.approx(-parameters[f"{path}.braking_load"] * rate, abs=0.025 * loads[0]), path
-
-
-@pytest.mark.slow
-def test_the_loads_with_a_retarder_are_those_of_the_nonlinear_truck() -> None:
-    """Within 1 % of the static load: the trailer without brakes pushes at the coupling, and loads the front axle."""
-    truth = Plant(TRUCK, Properties(brakes={"tractor.drive": 1.0})).drive(braked(straight(duration=9.0), 1.0)).truth
-    last, loads = slice(-100, -1), TRUCK.axle_loads()
-    rate, speed = np.gradient(truth["speed"], 0.01)[last].mean(), truth["speed"][last].mean()
-    expected = load_changes(TRUCK, speed, {DRIVE_AXLE_BRAKING: 1.0}, rate)
-    by_all_axles = load_changes(TRUCK, speed, {}, rate)
-    for unit in TRUCK.units:
-        for group in unit.axle_groups:
-            path = unit.group_path(group)
-            actual = sum(truth[f"vertical_force.{unit.name}.{axle.name}"][last].mean() for axle in group.axles)
-            assert actual - loads[path] == pytest.approx(expected[path], abs=0.01 * loads[path]), path
-    assert expected["tractor.drive"] - by_all_axles["tractor.drive"] < -0.03 * loads["tractor.drive"]
+    parameters, expected = saturation_parameters(TRUCK), load_changes(TRUCK, truth["speed"][first].mean(), {})
+    for path in static:
+        unit, _, group = path.partition(".")
+        axles = next(g.axles for g in TRUCK.unit(unit).axle_groups if g.name == group or not group)
+        loads = sum(truth[f"vertical_force.{unit}.{axle.name}"] for axle in axles)
+        assert loads[first].mean() - static[path] == pytest.approx(expected[path], abs=0.0025 * static[path]), path
+        change = loads[last].mean() - loads[:90].mean()
+        assert change == pytest.approx(-parameters[f"{path}.braking_load"] * rate, abs=0.025 * loads[0]), path
+    assert -expected["tractor.front"] > 0.01 * static["tractor.front"]

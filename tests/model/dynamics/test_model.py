@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fifthwheel.base.errors import SignalError
 from fifthwheel.base.options import TyreLaw
 from fifthwheel.model.dynamics import ChainModel, all_parameters, matrices, model, simulation
 from fifthwheel.truck import Vehicle, get
-from tests.model.dynamics.lagrangian import GRAVITY, Array, linear
-from tests.model.dynamics.test_lagrangian import (
-    ARTICLE,
-    FAST_AND_SLOW,
-    TRUCK,
-    VEHICLES,
-    b_double,
-    changed,
-    with_relaxation,
-)
+from tests.model.dynamics.lagrangian import Array, linear
+from tests.model.dynamics.test_lagrangian import ARTICLE, TRUCK, VEHICLES, with_relaxation
 
 TYPICAL = {
     "lateral_velocity": 0.5,
@@ -57,12 +48,10 @@ def random_step(seed: int, chain: ChainModel) -> tuple[Array, Array, Array]:
     return rng.normal(size=len(chain.states)) * typical(chain.states), *rng.normal(scale=0.03, size=(2, k))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("speed", [3.0, 35.0])
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", FAST_AND_SLOW)
-def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) -> None:
-    vehicle = VEHICLES[name]
+@pytest.mark.parametrize(("speed", "length", "roll"), [(3.0, 0.45, True), (35.0, 0.1, True), (12.0, 0.8, False)])
+def test_transition_up_to_the_longest_step(speed: float, length: float, roll: bool) -> None:
+    """`simulation.MAX_STEP_EIGENVALUE` keeps the error below 1e-6 of the largest state."""
+    vehicle = with_relaxation(VEHICLES["truck, all changed"], length)
     chain = model(vehicle, (), roll=roll)
     constants = chain.known_values(all_parameters(vehicle, ()))
     A, B = by_lagrange(vehicle, chain.states, speed)
@@ -75,32 +64,6 @@ def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) 
             actual = np.array(chain.transition(x, dt, d, [], constants)).ravel() / scale
             expected = exact_state(A, B, x, before, after, dt) / scale
             assert np.abs(actual - expected).max() <= 1e-6 * np.abs(expected).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("lengths", [(0.0,), (0.1,), (0.45,), (0.8,), (0.0, 0.3, 0.2)], ids=str)
-def test_longest_step_with_any_relaxation_length(lengths: tuple[float, ...], roll: bool) -> None:
-    """`simulation.MAX_STEP_EIGENVALUE` keeps the error below 1e-6 of the largest state at either end of the step."""
-    vehicle = with_relaxation(TRUCK, *lengths)
-    chain = model(vehicle, (), roll=roll)
-    constants = chain.known_values(all_parameters(vehicle, ()))
-    scale, count = typical(chain.states), 100
-    n, k = len(scale), len(chain.inputs) - 1
-    transition = chain.transition.map(count)
-    x, before, after = (
-        np.column_stack(draws) for draws in zip(*[random_step(i, chain) for i in range(count)], strict=True)
-    )
-    for speed in (3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0, 35.0):
-        A, B = by_lagrange(vehicle, chain.states, speed)
-        dt = float(simulation.step_limit(vehicle, roll)(np.array([speed]))[0])
-        unit_vectors = (np.split(row, [n, n + k]) for row in np.eye(n + 2 * k))
-        exact = np.column_stack([exact_state(A, B, start, first, last, dt) for start, first, last in unit_vectors])
-        row = np.full((1, count), speed)
-        actual = np.array(transition(x, dt, np.vstack([row, before, row, after]), np.zeros((0, count)), constants))
-        actual, expected = actual.T / scale, (exact @ np.vstack([x, before, after])).T / scale
-        largest = np.maximum(np.abs(expected).max(axis=1), np.abs(x.T / scale).max(axis=1))
-        assert (np.abs(actual - expected).max(axis=1) <= 1e-6 * largest).all(), speed
 
 
 def test_step_limit_beyond_the_table() -> None:
@@ -157,250 +120,80 @@ def test_irregular_samples() -> None:
     assert (np.abs(actual - expected).max(axis=0) <= 1e-6 * np.abs(expected).max(axis=0)).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "roll"), [("truck, all changed", True), ("b_double, some relaxation, all changed", False)]
-)
-def test_derivatives_of_the_transition(name: str, roll: bool) -> None:
-    """Derivatives with respect to state and parameters against central differences of the exact solution."""
-    vehicle, dt, speeds = VEHICLES[name], 0.005, (17.0, 18.0)
-    values = all_parameters(vehicle, ())
-    values |= {path: {"gain": 1.1, "offset": 0.01, "delay": 0.03}[path.rpartition(".")[2]]
-               for path in values if path.startswith("steer.")}  # fmt: skip
-    softening = {path: value for path, value in values.items() if path.endswith(".softening")}
-    free = tuple(path for path in values if path not in softening)
-    chain = model(vehicle, (), roll=roll, free=free)
-    assert chain.free == free
-    assert chain.known == tuple(softening)
-    x, before, after = random_step(3, chain)
-    d = np.r_[speeds[0], before, speeds[1], after]
-    arguments = [ca.SX.sym(word, *chain.transition.size_in(i)) for i, word in enumerate(("x", "dt", "d", "p", "c"))]
-    transition = chain.transition(*arguments)
-    jacobians = ca.Function(
-        "J", arguments, [ca.jacobian(transition, arguments[0]), ca.jacobian(transition, arguments[3])]
-    )
-    by_state, by_parameters = (
-        np.array(J) for J in jacobians(x, dt, d, chain.free_values(values), chain.known_values(values))
-    )
-
-    def exact(x: Array, values: Mapping[str, float]) -> Array:
-        changed_vehicle = vehicle.replace({path: values[path] for path in vehicle.parameters()})
-        rate = (after - before) / dt
-        gain, offset, delay = (
-            np.array([values[f"{signal}.{word}"] for signal in vehicle.steer_signals()])
-            for word in ("gain", "offset", "delay")
-        )
-        angles = [gain * (measured + delay * rate - offset) for measured in (before, after)]
-        return exact_state(*by_lagrange(changed_vehicle, chain.states, sum(speeds) / 2), x, angles[0], angles[1], dt)
-
-    scale = typical(chain.states)
-    for i, size in enumerate(scale):
-        h = size * np.eye(len(x))[i]
-        expected = (exact(x + h, values) - exact(x - h, values)) / (2 * size)
-        assert np.abs((by_state[:, i] - expected) / scale).max() <= 1e-7 * np.abs(expected / scale).max()
-    response = np.abs(exact(x, values) / scale).max()
-    for i, path in enumerate(free):
-        value = values[path]
-        if path.endswith(".relaxation_length") and not value:
-            assert not by_parameters[:, i].any()  # groups without a relaxation length have no such state
-            continue
-        h = 1e-4 * (abs(value) or 1.0)
-        plus, minus = (exact(x, values | {path: value + s * h}) for s in (1, -1))
-        expected = (plus - minus) / (2 * h) / scale * (abs(value) or 1.0)
-        actual = by_parameters[:, i] / scale * (abs(value) or 1.0)
-        assert np.abs(actual - expected).max() <= 1e-5 * np.abs(expected).max() + 1e-9 * response, path
+def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: float) -> list[tuple[float, float, float]]:
+    """(v, r, p) of every unit; v of the units behind follows from the couplings. Of x', their derivatives."""
+    state = dict(zip(states, x, strict=True))
+    motion, v = [], state[f"lateral_velocity.{vehicle.units[0].name}"]
+    for i, unit in enumerate(vehicle.units):
+        r, p = state[f"yaw_rate.{unit.name}"], state.get(f"roll_rate.{unit.name}", 0.0)
+        if i:
+            wheel, front, (_, r1, p1) = vehicle.couplings[i - 1], vehicle.units[i - 1], motion[-1]
+            v += (wheel.leading_position - front.cog) * r1 - (wheel.height - front.roll_axis_height) * p1
+            v -= speed * state[f"articulation.{unit.name}"]
+            v -= (wheel.trailing_position - unit.cog) * r - (wheel.height - unit.roll_axis_height) * p
+        motion.append((v, r, p))
+    return motion
 
 
-def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: float) -> list[tuple[Array, Array, Array]]:
-    """(v, r, p) of every unit from states (N, n); v of the units behind follows from the couplings."""
-    state = dict(zip(states, x.T, strict=True))
-    zeros = np.zeros(len(x))
-    actual = [
-        (
-            state.get(f"lateral_velocity.{u.name}", zeros),
-            state[f"yaw_rate.{u.name}"],
-            state.get(f"roll_rate.{u.name}", zeros),
-        )
-        for u in vehicle.units
-    ]
-    for i, wheel in enumerate(vehicle.couplings):
-        front, rear = vehicle.units[i : i + 2]
-        (v, r, p), (_, r2, p2) = actual[i], actual[i + 1]
-        v = v + (wheel.leading_position - front.cog) * r - (wheel.height - front.roll_axis_height) * p
-        v = v - speed * state[f"articulation.{rear.name}"]
-        v = v - (wheel.trailing_position - rear.cog) * r2 + (wheel.height - rear.roll_axis_height) * p2
-        actual[i + 1] = (v, r2, p2)
-    return actual
-
-
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", ["truck, all changed", "b_double, some relaxation"])
-class TestSensors:
-    """Outputs of sensors with sinusoidal steer angles against a simulation.
+@pytest.mark.parametrize(("name", "roll"), [("truck, all changed", False), ("b_double, some relaxation", True)])
+def test_sideslip_and_coupling_force(name: str, roll: bool) -> None:
+    """From the front: inertia force and tyre forces of each unit give the force of the coupling behind it.
 
     By the library's equations: those of Lagrange, to which `test_lagrangian` compares them, take long for three units.
     """
-
-    speed = 19.0
-    h = 1e-3  # s, step of the numerical derivative
-
-    def trajectory(self, vehicle: Vehicle, states: tuple[str, ...]) -> tuple[Array, Array]:
-        """States and steer angles at 3 s - h, 3 s and 3 s + h."""
-        system = matrices(vehicle, self.speed, roll="roll_rate" in {name.split(".")[0] for name in states})
-        assert system.states == states
-        A, B = system.A, system.B
-        n, k = B.shape
-        w = 2.2  # rad/s; the angles are states of an oscillator, so a matrix exponential is exact
-        matrix = np.zeros((n + 2 * k, n + 2 * k))
-        matrix[:n, :n], matrix[:n, n : n + k] = A, B
-        matrix[n : n + k, n + k :], matrix[n + k :, n : n + k] = w * np.eye(k), -w * np.eye(k)
-        start = np.r_[np.zeros(n + k), np.linspace(0.02, -0.03, k)]
-        out = np.array([expm(matrix * (3.0 + s * self.h)) @ start for s in (-1, 0, 1)])
-        return out[:, :n], out[:, n : n + k]
-
-    def outputs(self, vehicle: Vehicle, roll: bool, sensors: dict[str, dict[str, float]]) -> tuple[Array, Array, Array]:
-        """Sensor outputs in the middle of the trajectory, the states, and the steer angles."""
-        chain = model(vehicle, tuple(sensors), roll=roll)
-        errors = {f"{sensor}.{key}": v for sensor, keys in sensors.items() for key, v in keys.items()}
-        values = all_parameters(vehicle, chain.outputs) | errors
-        x, steer = self.trajectory(vehicle, chain.states)
-        d = np.r_[self.speed, steer[0], self.speed, steer[1]]
-        return np.array(chain.observation(x[1], d, [], chain.known_values(values))).ravel(), x, steer
-
-    def test_rates_and_angles(self, name: str, roll: bool) -> None:
-        vehicle = VEHICLES[name]
-        last = vehicle.units[-1].name
-        sensors: dict[str, dict[str, float]] = {f"yaw_rate.{last}": {"offset": 0.01}, f"articulation.{last}": {}}
-        if roll:
-            sensors |= {f"roll_rate.{last}": {"offset": -0.02}, f"roll.{last}": {}}
-        actual, x, _ = self.outputs(vehicle, roll, sensors)
-        state = dict(zip(model(vehicle, (), roll=roll).states, x[1], strict=True))
-        expected = [state[sensor] + errors.get("offset", 0.0) for sensor, errors in sensors.items()]
-        assert actual == pytest.approx(expected, rel=1e-12)
-
-    def test_sideslip_and_lateral_velocity(self, name: str, roll: bool) -> None:
-        vehicle = VEHICLES[name]
-        position = {"position": -2.34, "height": 1.9}
-        sensors = {f"sideslip.{u.name}": position | {"offset": 0.003} for u in vehicle.units}
-        sensors |= {f"lateral_velocity.{u.name}": {} for u in vehicle.units}
-        actual, x, _ = self.outputs(vehicle, roll, sensors)
-        states = model(vehicle, (), roll=roll).states
-        motion = unit_motion(vehicle, states, x[1:2], self.speed)
-        for i, (unit, (v, r, p)) in enumerate(zip(vehicle.units, motion, strict=True)):
-            point = v[0] + (-2.34 - unit.cog) * r[0] - (1.9 - unit.roll_axis_height) * p[0]
-            assert actual[i] == pytest.approx(point / self.speed + 0.003, rel=1e-9)
-            assert actual[len(motion) + i] == pytest.approx(v[0], rel=1e-9)
-
-    def test_accelerometer(self, name: str, roll: bool) -> None:
-        """v' + u r + x r' - (z - h_r) p' + g phi, with numerical derivatives of the simulation."""
-        vehicle = VEHICLES[name]
-        sensors = {f"lateral_acceleration.{u.name}": {"position": -3.1, "height": 1.7} for u in vehicle.units}
-        actual, x, _ = self.outputs(vehicle, roll, sensors)
-        states = model(vehicle, (), roll=roll).states
-        motion = unit_motion(vehicle, states, x, self.speed)
-        expected = []
-        for unit, (v, r, p) in zip(vehicle.units, motion, strict=True):
-            rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
-            acceleration = rate[0] + self.speed * r[1] + (-3.1 - unit.cog) * rate[1]
-            if roll:
-                roll_angle = x[1, states.index(f"roll.{unit.name}")]
-                acceleration += GRAVITY * roll_angle - (1.7 - unit.roll_axis_height) * rate[2]
-            expected.append(acceleration)
-        assert actual == pytest.approx(np.array(expected), rel=1e-4)
-
-    def test_coupling_force(self, name: str, roll: bool) -> None:
-        """From the front: inertia force and tyre forces of each unit give the force of the coupling behind it."""
-        vehicle = VEHICLES[name]
-        sensors = {f"coupling_force.{u.name}": dict[str, float]() for u in vehicle.units[1:]}
-        actual, x, steer = self.outputs(vehicle, roll, sensors)
-        states = model(vehicle, (), roll=roll).states
-        angles = dict(zip(vehicle.steer_signals(), steer[1], strict=True))
-        front_force = 0.0  # side force of the coupling in front of the unit on the unit
-        for i, (v, r, p) in enumerate(unit_motion(vehicle, states, x, self.speed)[:-1]):
-            unit = vehicle.units[i]
-            rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
-            lever = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
-            inertia_force = unit.mass * (rate[0] + self.speed * r[1]) - unit.laden_sprung_mass * lever * rate[2]
-            tyres = 0.0
-            for group in unit.axle_groups:
-                slip = np.mean(
-                    [
-                        angles.get(f"steer.{unit.name}.{axle.name}", 0.0)
-                        - (v[1] + (axle.position - unit.cog) * r[1]) / self.speed
-                        for axle in group.axles
-                    ]
-                )
-                lagged = f"slip_angle.{unit.group_path(group)}"
-                tyres += group.cornering_stiffness * (x[1, states.index(lagged)] if lagged in states else slip)
-            front_force = tyres + front_force - inertia_force
-            assert actual[i] == pytest.approx(front_force, rel=1e-4)
+    vehicle, speed = VEHICLES[name], 19.0
+    outputs = [f"{quantity}.{u.name}" for quantity in ("sideslip", "lateral_velocity") for u in vehicle.units]
+    chain = model(vehicle, (*outputs, *(f"coupling_force.{u.name}" for u in vehicle.units[1:])), roll=roll)
+    values = all_parameters(vehicle, chain.outputs)
+    for sideslip in outputs[: len(vehicle.units)]:
+        values |= {f"{sideslip}.position": -2.34, f"{sideslip}.height": 1.9, f"{sideslip}.offset": 0.003}
+    x, steer, _ = random_step(7, chain)
+    observed = np.array(chain.observation(x, np.r_[speed, steer, speed, steer], [], chain.known_values(values))).ravel()
+    actual = dict(zip(chain.outputs, observed, strict=True))
+    system, state = matrices(vehicle, speed, roll=roll), dict(zip(chain.states, x, strict=True))
+    motion, change = (unit_motion(vehicle, system.states, y, speed) for y in (x, system.A @ x + system.B @ steer))
+    angles = dict(zip(vehicle.steer_signals(), steer, strict=True))
+    force = 0.0  # side force of the coupling in front of the unit on the unit
+    for i, (unit, (v, r, p), rate) in enumerate(zip(vehicle.units, motion, change, strict=True)):
+        point = v + (-2.34 - unit.cog) * r - (1.9 - unit.roll_axis_height) * p
+        assert actual[f"sideslip.{unit.name}"] == pytest.approx(point / speed + 0.003, rel=1e-9)
+        assert actual[f"lateral_velocity.{unit.name}"] == pytest.approx(v, rel=1e-9)
+        if i:
+            assert actual[f"coupling_force.{unit.name}"] == pytest.approx(force, rel=1e-9)
+        lever = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
+        force -= unit.mass * (rate[0] + speed * r) - unit.laden_sprung_mass * lever * rate[2]
+        for group in unit.axle_groups:
+            steered = [angles.get(f"steer.{unit.name}.{axle.name}", 0.0) for axle in group.axles]
+            slip = np.mean(steered) - (v + (group.position - unit.cog) * r) / speed
+            slip = state.get(f"slip_angle.{unit.group_path(group)}", slip)
+            force += group.cornering_stiffness * slip
 
 
 def test_delay_gain_and_offset_of_a_steer_sensor() -> None:
-    """A sensor that shows (angle / gain + offset) with a delay: the model corrects all three errors."""
+    """A sensor that shows (angle / gain + offset) with a delay: the model corrects all three errors, the output of an
+    accelerometer gain and offset."""
     signal, delay = "steer.tractor.front", 0.1
-    chain = model(ARTICLE, (), roll=True)
-    errors = {f"{signal}.gain": 1.25, f"{signal}.offset": 0.02, f"{signal}.delay": delay}
-    constants = chain.known_values(all_parameters(ARTICLE, ()) | errors)
-    plain = chain.known_values(all_parameters(ARTICLE, ()))
+    chain = model(ARTICLE, ("lateral_acceleration.tractor",), roll=True)
+    values = all_parameters(ARTICLE, chain.outputs)
+    errors = {f"{signal}.gain": 1.25, f"{signal}.offset": 0.02}
     x, _, _ = random_step(4, chain)
     dt, slope = 0.01, 0.3  # rad/s
     angles = [np.array([slope * t, 0, 0, 0]) for t in (0.0, dt)]
-    shown = [angle.copy() for angle in angles]
-    for angle, t in zip(shown, (0.0, dt), strict=True):
-        angle[0] = slope * (t - delay) / 1.25 + 0.02
-    actual, expected = (
-        np.array(chain.transition(x, dt, np.r_[20.0, pair[0], 20.0, pair[1]], [], c)).ravel()
-        for pair, c in ((shown, constants), (angles, plain))
+
+    def shown(delay: float) -> list[Array]:
+        return [np.array([slope * (t - delay) / 1.25 + 0.02, 0, 0, 0]) for t in (0.0, dt)]
+
+    def results(pair: list[Array], values: Mapping[str, float]) -> list[Array]:
+        d, c = np.r_[20.0, pair[0], 20.0, pair[1]], chain.known_values(values)
+        return [np.array(y).ravel() for y in (chain.transition(x, dt, d, [], c), chain.observation(x, d, [], c))]
+
+    expected, late, now = (
+        results(angles, values),
+        results(shown(delay), values | errors | {f"{signal}.delay": delay}),
+        results(shown(0.0), values | errors),
     )
-    assert actual == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-def test_accelerometer_output_corrects_the_steer_sensor() -> None:
-    """The output of an accelerometer depends on the steer angles, which are corrected by gain and offset."""
-    signal, output = "steer.tractor.front", "lateral_acceleration.tractor"
-    chain = model(ARTICLE, (output,), roll=True)
-    plain = all_parameters(ARTICLE, (output,))
-    with_errors = plain | {f"{signal}.gain": 1.25, f"{signal}.offset": 0.02}
-    x, angles, _ = random_step(6, chain)
-    shown = angles.copy()
-    shown[0] = angles[0] / 1.25 + 0.02
-    actual, expected = (
-        float(chain.observation(x, np.r_[20.0, d, 20.0, d], [], chain.known_values(values)))
-        for d, values in ((shown, with_errors), (angles, plain))
-    )
-    assert actual == pytest.approx(expected, rel=1e-9)
-    assert abs(angles[0]) > 1e-3
-
-
-def test_vehicles_of_equal_topology_share_a_model() -> None:
-    outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
-    other = changed(ARTICLE, np.random.default_rng(7).uniform, masses=True)
-    assert model(ARTICLE, outputs, roll=True) is model(other, outputs, roll=True)
-    assert model(ARTICLE, outputs, roll=True) is not model(ARTICLE, outputs, roll=False)
-    assert model(b_double(), (), roll=True).states != model(ARTICLE, (), roll=True).states
-
-
-def test_impossible_models_are_refused() -> None:
-    with pytest.raises(SignalError, match="no roll"):
-        model(ARTICLE, ("roll_rate.tractor",), roll=False)
-    with pytest.raises(SignalError, match="no unit"):
-        model(ARTICLE, ("yaw_rate.dolly",), roll=True)
-    with pytest.raises(SignalError, match="no such quantity"):
-        model(ARTICLE, ("fuel.tractor",), roll=True)
-    with pytest.raises(KeyError, match="colour"):
-        model(ARTICLE, (), roll=True, free=("tractor.colour",))
-    for name in ("articulation.tractor", "coupling_force.tractor"):
-        with pytest.raises(SignalError, match="first unit"):
-            model(ARTICLE, (name,), roll=True)
-
-
-def test_functions_have_named_arguments_and_results() -> None:
-    chain = model(TRUCK, ["yaw_rate.tractor"], roll=False)
-    assert str(chain.transition).startswith("transition:(x[7],dt,d[")
-    for function, outputs in ((chain.transition, ["x_next"]), (chain.rates, ["rate", "rate_next"])):
-        assert function.name_out() == outputs
-    assert (chain.observation.name_in(), chain.observation.name_out()) == (["x", "d", "p", "c"], ["y"])
+    assert late[0] == pytest.approx(expected[0], rel=1e-9, abs=1e-12)
+    assert now[1] == pytest.approx(expected[1], rel=1e-9)
 
 
 # Rates at both ends of a step
@@ -424,22 +217,6 @@ def test_mean_rate_is_the_slope_of_the_state(rated: ChainModel) -> None:
     later = np.array(rated.transition(x, h, d, p, c)).ravel()
     first, last = (np.array(rate).ravel() for rate in rated.rates(x, later, h, d, p, c))
     np.testing.assert_allclose((first + last) / 2, (later - x) / h, rtol=1e-6, atol=1e-6)
-
-
-def test_trapezoidal_rule_gives_the_parameter_derivatives_of_a_step(rated: ChainModel) -> None:
-    symbols = [ca.SX.sym(name, rated.transition.numel_in(i)) for i, name in enumerate(("x", "dt", "d", "p", "c"))]
-    later = ca.SX.sym("later", len(rated.states))
-    exact = ca.Function("exact", symbols, [ca.jacobian(rated.transition(*symbols), symbols[3])])
-    rates = rated.rates(symbols[0], later, *symbols[1:])
-    ends = ca.Function("ends", [later, *symbols], [ca.jacobian(rate, symbols[3]) for rate in rates])
-    values = all_parameters(rated.vehicle, RATED)
-    x, dt, d = np.full(len(rated.states), 0.02), 0.004, np.array([20.0, 0.01, 20.0, 0.012])
-    p, c = rated.free_values(values), rated.known_values(values)
-    after, F = rated.transition(x, dt, d, p, c), np.array(rated.state_jacobian(x, dt, d, p, c))
-    first, last = (np.array(rate) for rate in ends(after, x, dt, d, p, c))
-    actual, expected = dt / 2 * (F @ first + last), np.array(exact(x, dt, d, p, c))
-    largest = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(actual / largest, expected / largest, atol=0.01)
 
 
 @pytest.mark.parametrize("tyres", ["linear", "saturating"])

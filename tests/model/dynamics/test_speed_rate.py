@@ -36,10 +36,7 @@ def test_it_starts_again_after_a_gap() -> None:
     assert rates[0] == rates[100] == 0
     assert rates[99] < -2.5
     assert rates[101] < 0
-
-
-def test_an_infinite_time_constant() -> None:
-    assert (speed_rates(UNEVEN, 20 - 3 * UNEVEN, np.inf, GAP) == 0).all()
+    assert (speed_rates(UNEVEN, 20 - 3 * UNEVEN, np.inf, GAP) == 0).all()  # of an infinite time constant
 
 
 @pytest.mark.parametrize("longest", [GAP, np.inf])

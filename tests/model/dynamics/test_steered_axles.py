@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics import chain, frequency_response, matrices
+from fifthwheel.model.dynamics import frequency_response, matrices
 from fifthwheel.model.dynamics.large_angles import large_angles
 from fifthwheel.model.dynamics.tyres import LAWS, saturation_parameters
 from fifthwheel.results.assess.low_speed_turn import equivalent_axle, measure, turn
@@ -75,7 +75,7 @@ def test_castor_axle_in_a_group_has_its_fraction_of_the_side_force():
     assert 6e4 * s * r - 4.0 * of_front == pytest.approx(couple - 2.0 * 4e5 * lagged, rel=1e-8)
 
 
-@pytest.mark.parametrize("k", [0.0, 0.3, -0.2])
+@pytest.mark.parametrize("k", [0.3, -0.2])
 def test_articulation_in_a_slow_bend_with_command_steering(k: float):
     """At the coupling, e = 0.6 m ahead of the drive axle, the trailer moves by e r - u g to the left; at its axle, L =
     8 m further back, by (e - L) r - u g. It rolls in the direction of its wheels, k g: g = (e - L) / ((1 + k) R)."""
@@ -102,8 +102,6 @@ def test_low_speed_turn_of_castor_and_raised_axles():
     castor, lifted = (with_axle(keys).units[1] for keys in (SELF_STEERING, LIFTED))
     assert equivalent_axle(castor, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2 + 0.2 * 9.3**2) / (14.7 + 0.2 * 9.3))
     assert equivalent_axle(lifted, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2) / 14.7)
-    runs = [turn(Truck(vehicle=with_axle(keys))) for keys in ({}, SELF_STEERING, LIFTED)]
-    assert [run.slips.shape[1] for run in runs] == [5, 5, 4]
     demands = [measure(Truck(vehicle=with_axle(keys)))["friction_demand"] for keys in ({}, SELF_STEERING)]
     assert demands[1] < 0.7 * demands[0]
 
@@ -112,16 +110,14 @@ def test_a_raised_axle_is_one_that_is_not_in_the_file():
     fields = with_axle({}).model_dump()
     group = fields["units"][1]["axle_groups"][0]
     group["axles"] = group["axles"][:2]
-    for roll in (True, False):
-        without, lifted = (matrices(v, SPEED, roll=roll).A for v in (Vehicle(**fields), with_axle(LIFTED)))
-        assert np.array_equal(without, lifted)
+    without, lifted = (matrices(v, SPEED, roll=True).A for v in (Vehicle(**fields), with_axle(LIFTED)))
+    assert np.array_equal(without, lifted)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "b_double"])
-@pytest.mark.parametrize("keys", [{"self_steering": 0.0}, SELF_STEERING, COMMAND, LIFTED])
-def test_large_angles_tend_to_the_linear_model(keys: dict[str, object], name: str):
-    vehicle = with_axle(keys, name=name)
+@pytest.mark.parametrize("keys", [SELF_STEERING, COMMAND, LIFTED])
+def test_large_angles_tend_to_the_linear_model(keys: dict[str, object]):
+    vehicle = with_axle(keys)
     m = matrices(vehicle, SPEED, roll=True)
     rng = np.random.default_rng(3)
     x = 1e-5 * rng.normal(size=len(m.states))
@@ -138,7 +134,3 @@ def test_a_fraction_of_0_changes_nothing():
     for keys in ({"self_steering": 0.0}, {"command_steering": 0.0}):
         plain, zero = (matrices(v, SPEED, roll=True).A for v in (with_axle({}), with_axle(keys)))
         assert pytest.approx(plain, rel=1e-12, abs=1e-12) == zero
-
-
-def test_state_names_do_not_change():
-    assert chain.state_names(with_axle(SELF_STEERING), roll=True) == chain.state_names(with_axle({}), roll=True)

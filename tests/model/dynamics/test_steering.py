@@ -3,64 +3,33 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy import signal
 
 from fifthwheel.data import channels
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.dynamics.state_space import linear_system
-from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.truck import get
 
-ALL_STEERED = get("cheng_cebon_2011")
-STEER = "steer.tractor.front"
+STEER, STATE, LAG = "steer.tractor.front", "actuator.tractor", 0.15
 ERRORS = {f"{STEER}.gain": 1.1, f"{STEER}.offset": 0.003, f"{STEER}.delay": 0.05, f"{STEER}.play": 0.004}
 MEASURED = np.linspace(-0.2, 0.3, 7)
 
 
-def test_the_angle_is_gain_times_what_is_measured_beyond_the_offset() -> None:
+def test_angle_of_a_sensor_and_its_inverse() -> None:
+    """Gain times what is measured beyond the offset, by numbers and by symbols, which have every error but two."""
     found = dynamics.steer_angle(STEER, MEASURED, ERRORS)
     np.testing.assert_allclose(found.angle, 1.1 * (MEASURED - 0.003), atol=1e-16)
     np.testing.assert_allclose(found.slope, np.full(7, 1.1))
-
-
-def test_an_ideal_sensor_measures_the_angle() -> None:
-    angle, slope = dynamics.steer_angle(STEER, 0.1, {})
-    assert (float(angle), float(slope)) == (0.1, 1.0)
-    assert set(dynamics.steer_parameters(ALL_STEERED).values()) == {0.0, 1.0}
-
-
-def test_the_measured_angle_is_the_inverse() -> None:
-    angles = dynamics.steer_angle(STEER, MEASURED, ERRORS).angle
-    np.testing.assert_allclose(dynamics.measured_angle(STEER, angles, ERRORS), MEASURED, atol=1e-15)
-
-
-def test_symbols_and_numbers_agree() -> None:
+    np.testing.assert_allclose(dynamics.measured_angle(STEER, found.angle, ERRORS), MEASURED, atol=1e-15)
+    assert dynamics.steer_angle(STEER, 0.1, {}) == (0.1, 1.0)
     measured = ca.SX.sym("measured")
     symbolic = ca.Function("angle", [measured], [dynamics.true_angles([STEER], measured, ERRORS)])
-    for value in MEASURED:
-        assert float(symbolic(value)) == dynamics.steer_angle(STEER, value, ERRORS).angle
-    assert dynamics.true_angles([], ca.SX(0, 1), {}).shape == (0, 1)
-
-
-def test_the_inverse_of_a_sensor_that_is_not_linear(monkeypatch: pytest.MonkeyPatch) -> None:
-    def root(name: str, measured: np.ndarray, errors: object) -> dynamics.SteerAngle:
-        root = np.sqrt(1 + 4 * measured)
-        return dynamics.SteerAngle((root - 1) / 2, 1 / root)
-
-    monkeypatch.setattr("fifthwheel.model.dynamics.steering.steer_angle", root)
-    true = np.linspace(-0.1, 0.1, 5)
-    np.testing.assert_allclose(dynamics.measured_angle(STEER, true, {}), true + true**2, atol=1e-15)
-
-
-def test_the_formula_uses_every_error_but_delay_and_play() -> None:
-    measured = ca.SX.sym("measured")
+    np.testing.assert_array_equal(np.array(symbolic(MEASURED[None])).ravel(), found.angle)
     errors = {error.kind: ca.SX.sym(error.kind) for error in channels.STEER.errors}
     used = {str(symbol) for symbol in ca.symvar(channels.STEER.true_value(measured, errors))}
     assert used == {"measured", *errors} - {"delay", "play"}
 
 
-STEER, STATE, LAG = "steer.tractor.front", "actuator.tractor", 0.15
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll.semitrailer", "lateral_acceleration.tractor")
 TRUCK = get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
 REAR = tuple(f"steer.semitrailer.{axle}" for axle in ("front", "middle", "rear"))
@@ -96,21 +65,6 @@ def response(truck, tyres, steer, time, outputs=OUTPUTS):
     return free_response(model, values, time, {"speed": np.full_like(time, 22.0), STEER: steer})[1]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tyres", ["linear", "saturating"])
-def test_a_lag_filters_the_steer_angle(tyres) -> None:
-    """The filter is exact for inputs that change linearly between the samples, which are 1 ms apart."""
-    course = single_sine(TRUCK, acceleration=3.0)
-    time = np.arange(course.time[0], course.time[-1], 1e-3)
-    steer = np.interp(time, course.time, course.steer)
-    _, filtered, _ = signal.lsim(([1.0], [LAG, 1.0]), steer, time - time[0])
-    own = response(LAGGED, tyres, steer, time, (*OUTPUTS, STATE))
-    plain = response(TRUCK, tyres, filtered, time)
-    assert own[:, -1] == pytest.approx(filtered, abs=1e-8)
-    assert np.abs(own[:, :-1] - plain).max(axis=0) / np.abs(plain).max(axis=0) == pytest.approx(0, abs=3e-6)
-    assert np.abs(response(TRUCK, tyres, steer, time) - plain).max() > 0.01
-
-
 def test_the_frequency_response_has_the_lag_as_a_factor() -> None:
     frequency = np.array([0.05, 0.3, 1.0, 3.0])
     own, plain = (linear_system(truck, 22.0, OUTPUTS) for truck in (LAGGED, TRUCK))
@@ -122,8 +76,7 @@ def test_the_frequency_response_has_the_lag_as_a_factor() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("roll", [True, False])
-def test_steering_by_the_articulation_is_command_steering(roll) -> None:
+def test_steering_by_the_articulation_is_command_steering() -> None:
     """The built-in law of command-steered axles is an independent implementation."""
     fields = TRUCK.model_dump()
     axles = [dict(axle, command_steering=0.3) for axle in fields["units"][1]["axle_groups"][0]["axles"]]
@@ -131,18 +84,14 @@ def test_steering_by_the_articulation_is_command_steering(roll) -> None:
     trailer = dict(fields["units"][1], axle_groups=(group,))
     built_in = type(TRUCK)(**fields | {"units": (fields["units"][0], trailer)})
     own = TRUCK.with_steering(by_articulation, parameters={"fraction": "0.3"})
-    for tyres in ("linear", "saturating"):
-        time = np.arange(0, 6, 0.01)
-        steer = 0.02 * np.sin(2 * np.pi * 0.3 * time)
-        outputs = ("yaw_rate.semitrailer", "articulation.semitrailer")
-        models = [dynamics.model(truck, outputs, roll=roll, tyres=tyres) for truck in (own, built_in)]
-        values = [dynamics.all_parameters(truck, outputs, tyres=tyres) for truck in (own, built_in)]
-        inputs = {"speed": np.full_like(time, 22.0), STEER: steer}
-        a, b = (free_response(m, v, time, inputs)[1] for m, v in zip(models, values, strict=True))
-        assert a == pytest.approx(b, rel=1e-9, abs=1e-12)
-    a, b = (dynamics.matrices(truck, 22.0, roll=roll) for truck in (own, built_in))
-    np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(a.F, b.F, rtol=1e-9, atol=1e-6)
+    time = np.arange(0, 6, 0.01)
+    steer = 0.02 * np.sin(2 * np.pi * 0.3 * time)
+    a, b = (response(truck, "saturating", steer, time) for truck in (own, built_in))
+    assert a == pytest.approx(b, rel=1e-9, abs=1e-12)
+    for roll in (True, False):
+        a, b = (dynamics.matrices(truck, 22.0, roll=roll) for truck in (own, built_in))
+        np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(a.F, b.F, rtol=1e-9, atol=1e-6)
 
 
 def test_roll_steer_adds_a_column_to_the_matrices() -> None:
@@ -159,39 +108,6 @@ def test_roll_steer_adds_a_column_to_the_matrices() -> None:
 
 def own_truck():
     return TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
-
-
-@pytest.mark.parametrize(("truck", "tyres"), [(LAGGED, "linear"), (STOPPED, "saturating")])
-def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
-    """Of a small step, because a model with saturating tyres is linearised at its beginning, and without the lateral
-    acceleration, of which it neglects a small derivative."""
-    model = dynamics.model(truck, (*OUTPUTS[:-1], STATE), roll=True, tyres=tyres, bank=True)
-    rng, n = np.random.default_rng(1), len(model.states)
-    x, dt, c = (
-        0.01 * rng.normal(size=n),
-        1e-5,
-        model.known_values(dynamics.all_parameters(truck, model.outputs, tyres=tyres)),
-    )
-    d = np.array([22.0, 0.01, 22.1, 0.012])
-    step = 1e-6
-    F = np.array(model.state_jacobian(x, dt, d, [], c))
-    H = np.array(model.observation_jacobian(x, d, [], c))
-    for i, e in enumerate(step * np.eye(n)):
-        column = (model.transition(x + e, dt, d, [], c) - model.transition(x - e, dt, d, [], c)) / (2 * step)
-        assert F[:, i] == pytest.approx(np.array(column).ravel(), rel=1e-4, abs=2e-6)
-        row = (model.observation(x + e, d, [], c) - model.observation(x - e, d, [], c)) / (2 * step)
-        assert H[:, i] == pytest.approx(np.array(row).ravel(), rel=1e-6, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_equations_that_are_not_linear_limit_the_angle_of_the_wheels() -> None:
-    time = np.arange(0, 8, 0.01)
-    steer = 0.05 * np.minimum(time, 1.0)
-    own = response(STOPPED, "saturating", steer, time)[-1]
-    plain = response(
-        TRUCK, "saturating", np.full_like(time, 0.02 * np.tanh(0.05 / 0.02)) * np.minimum(time, 1.0), time
-    )[-1]
-    assert own == pytest.approx(plain, rel=5e-3)
 
 
 def test_other_equations_have_another_model() -> None:

@@ -1,7 +1,5 @@
 """Side forces of an axle, and tyre laws of a user's own: which are refused, and how one is saved and found again."""
 
-import math
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from fifthwheel.apps.studies.monte_carlo import _digest
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.observe import ObserverSettings
 from fifthwheel.model.dynamics.tyres import (
     LAW_SLIPS,
     NOMINAL_LOAD,
@@ -19,8 +16,6 @@ from fifthwheel.model.dynamics.tyres import (
     axle_forces,
     force_fraction,
     law_identity,
-    linear,
-    longitudinal_forces,
     require_law,
     restored_law,
     root_law,
@@ -32,11 +27,8 @@ from fifthwheel.model.dynamics.unit_equations import suspension_moment
 from fifthwheel.model.plant.properties import MagicFormula
 from fifthwheel.truck import get
 from fifthwheel.truck.quantities import (
-    COMBINED_SLIP,
-    DRAG_AREA,
     FRICTION,
     FRICTION_SENSITIVITY,
-    ROLLING_RESISTANCE,
     SHAPE,
     STIFFNESS_SENSITIVITY,
     TYRES,
@@ -49,40 +41,11 @@ DEFAULTS = {name: parameter.default for name, parameter in TYRES.items()}
 TRAIL = {"semitrailer.pneumatic_trail": 0.05}
 
 
-@pytest.mark.parametrize("trail", [{}, TRAIL], ids=["no trail", "trail"])
-def test_linear_tyres_are_the_limit_for_a_high_friction(trail: dict[str, float]) -> None:
-    """The difference falls with the square of the friction: the law has no term of first order."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | trail
-    p |= {STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
-    contact = Contact(ca.SX(0.03), ca.SX(3e4), ca.SX(0.8), ca.SX(2e3))
-    expected = np.array(ca.evalf(linear(p | {"semitrailer.cornering_stiffness": 1.0}, "semitrailer", contact))).ravel()
-    load = 1 + 2e3 / p["semitrailer.static_load"]  # the force grows with the load of the group
-    errors = [
-        np.array(ca.evalf(saturating(p | {FRICTION: friction}, "semitrailer", contact))).ravel()
-        / (load * p["semitrailer.cornering_stiffness"])
-        / expected
-        - 1
-        for friction in (10.0, 100.0)
-    ]
-    assert len(expected) == 1 + len(trail)
-    assert np.abs(errors[0]).max() < 0.02
-    np.testing.assert_allclose(errors[1], errors[0] / 100, rtol=0.02)
-
-
 def aligning_moment(slip: float, **changes: float) -> float:
     """Aligning moment of the trailer's axle group over its side force, m, without load transfer."""
     p = TRUCK.parameters() | saturation_parameters(TRUCK) | TRAIL | {"body.half_track": 1e9} | changes
     side, moment = axle_forces(saturating(p, "semitrailer", Contact(ca.SX(slip))), ca.SX(slip))
     return float(ca.evalf(moment)) / float(ca.evalf(side))
-
-
-def test_the_trail_falls_from_its_value_at_small_slip_to_none_at_full_sliding() -> None:
-    assert aligning_moment(1e-6) == pytest.approx(-0.05, rel=1e-6)
-    trails = [-aligning_moment(slip) for slip in (0.01, 0.05, 0.1, 0.3, 10.0)]
-    assert trails == sorted(trails, reverse=True)
-    assert 0 < trails[-1] < 1e-3 * 0.05
-    assert -aligning_moment(0.05, **{FRICTION: 0.3}) < trails[1]
-    assert aligning_moment(-0.05) == aligning_moment(0.05)
 
 
 @pytest.mark.slow
@@ -98,7 +61,7 @@ def test_the_aligning_moment_is_that_of_the_magic_formula(degrees: float, limit:
             FRICTION: tyre.PDY1 + tyre.PDY2 * (load / tyre.FNOMIN - 1),
             FRICTION_SENSITIVITY: 0.0,
         }
-        for slip in np.radians(np.linspace(0.1, degrees, 40)):
+        for slip in np.radians(np.linspace(0.1, degrees, 12)):
             force = 6 * float(tyre.side_force(np.tan(slip), load))
             trail = float(tyre.pneumatic_trail(np.tan(slip), load))
             errors.append(force * (trail + aligning_moment(slip, **own)))
@@ -153,7 +116,7 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.07)])
+@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.2, 0.02), (0.4, 0.07)])
 def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
     """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.9 % of the peak."""
     tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
@@ -213,77 +176,6 @@ def test_the_effect_of_the_braking_force_is_smooth() -> None:
     np.testing.assert_allclose(np.array(law(rates[None])).ravel(), float(law(0.0)), rtol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "truck_full_trailer", "a_double"])
-@pytest.mark.parametrize(
-    ("speed_rate", "state"), [(0.6, "drives"), (0.0, "drives"), (-0.05, "drives"), (-0.5, "brakes"), (-4.0, "brakes")]
-)
-def test_the_longitudinal_forces_accelerate_the_truck_against_its_drag(
-    name: str, speed_rate: float, state: str
-) -> None:
-    """At 22 m/s: their sum is m u' and the drag; only the last group of the first unit drives, every group brakes."""
-    truck = get(name)
-    p, loads = truck.parameters() | saturation_parameters(truck), truck.axle_loads()
-    forces = longitudinal_forces(p, truck, ca.SX(22.0), ca.SX(speed_rate))
-    total, driving, braking, rolling = (
-        {path: float(ca.evalf(getattr(force, part))) for path, force in forces.items()}
-        for part in ("total", "driving", "braking", "rolling")
-    )
-    mass = sum(unit.mass for unit in truck.units)
-    assert sum(total.values()) == pytest.approx(mass * speed_rate + 1.2 / 2 * 6.0 * 22.0**2, rel=1e-9)
-    assert rolling == pytest.approx({path: -0.006 * load for path, load in loads.items()}, rel=1e-12)
-    first = truck.units[0]
-    driven = first.group_path(first.axle_groups[-1])
-    assert {path for path, force in driving.items() if force} == ({driven} if state == "drives" else set())
-    for path, force in total.items():
-        assert force == pytest.approx(driving[path] + braking[path] + rolling[path], rel=1e-12)
-        fraction = loads[path] / sum(loads.values())
-        assert braking[path] == pytest.approx(fraction * sum(braking.values()), rel=1e-9)
-    assert (sum(braking.values()) < 0) == (state == "brakes")
-
-
-def test_a_truck_that_coasts_neither_drives_nor_brakes() -> None:
-    """At the deceleration of its drag and rolling resistance; without both, at a constant speed."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK)
-    mass, weight = sum(unit.mass for unit in TRUCK.units), sum(TRUCK.axle_loads().values())
-    coasting = -(1.2 / 2 * 6.0 * 22.0**2 + 0.006 * weight) / mass
-    for changes, rate in (({}, coasting), ({DRAG_AREA: 0.0, ROLLING_RESISTANCE: 0.0}, 0.0)):
-        for force in longitudinal_forces(p | changes, TRUCK, ca.SX(22.0), ca.SX(rate)).values():
-            assert float(ca.evalf(force.driving)) == pytest.approx(0.0, abs=1e-9 * weight)
-            assert float(ca.evalf(force.braking)) == pytest.approx(0.0, abs=1e-9 * weight)
-            assert (float(ca.evalf(force.rolling)) < 0) == (not changes)
-
-
-def test_drive_and_brakes_make_up_for_the_drag_of_side_forces() -> None:
-    """Each side force N a / g acts at its slip angle N a / (g C); a truck that spins is left to slow down."""
-    p, loads = TRUCK.parameters() | saturation_parameters(TRUCK), TRUCK.axle_loads()
-
-    def wheels(speed_rate: float, *lateral: float) -> float:
-        """Force of drive and brakes at 22 m/s, N."""
-        forces = longitudinal_forces(p, TRUCK, ca.SX(22.0), ca.SX(speed_rate), [ca.SX(a) for a in lateral])
-        return sum(float(ca.evalf(force.driving + force.braking)) for force in forces.values())
-
-    drag = sum((load / 9.80665 * 2.0) ** 2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
-    for speed_rate in (0.3, 0.0, -0.15, -1.0):
-        assert wheels(speed_rate, 2.0, 2.0) - wheels(speed_rate) == pytest.approx(drag, rel=1e-9)
-        assert wheels(speed_rate, 9.0, 9.0) == wheels(speed_rate, 5.0, 5.0)
-
-
-def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
-    """As braking does: the stiffness by sqrt(1 - b (F_x / (mu N))^2), and the largest side force so that both forces
-    together are the peak friction; within 1 % of that factor, and 0.1 % at small forces."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"body.half_track": 1e9, FRICTION_SENSITIVITY: 0.0}
-    load = p["tractor.drive.static_load"]
-
-    def secant(used: float, slip: float) -> float:
-        force = used * p[SHAPE] * p[FRICTION] * load
-        return float(ca.evalf(saturating(p, "tractor.drive", Contact(ca.SX(slip), longitudinal=ca.SX(force)))))
-
-    for slip, loss in ((1e-4, p[COMBINED_SLIP]), (100.0, 1.0)):
-        for used, tolerance in ((0.05, 0.001), (0.2, 0.001), (0.6, 0.01)):
-            assert secant(used, slip) == pytest.approx(secant(0.0, slip) * np.sqrt(1 - loss * used**2), rel=tolerance)
-            assert secant(-used, slip) == secant(used, slip)
-
-
 N, C, MU = 50e3, 400e3, 0.5
 
 
@@ -307,32 +199,12 @@ def two_arguments(slip, stiffness):
     return stiffness * slip
 
 
-def other_order(slip, stiffness, load, friction):
-    return tanh_law(slip, load, stiffness, friction)
-
-
-def with_math(slip, load, stiffness, friction):
-    return friction * load * math.tanh(stiffness * slip / (friction * load))
-
-
-def number(slip, load, stiffness, friction):
-    return "a force"
-
-
-def pair(slip, load, stiffness, friction):
-    return ca.vertcat(slip, slip)
-
-
 def undefined_at_zero(slip, load, stiffness, friction):
     return tanh_law(slip, load, stiffness, friction) * ca.fabs(slip) / slip
 
 
 def ply_steer(slip, load, stiffness, friction):
     return tanh_law(slip + 0.001, load, stiffness, friction)
-
-
-def half_slope(slip, load, stiffness, friction):
-    return tanh_law(slip, load, stiffness / 2, friction)
 
 
 def half_slope_on_one_side(slip, load, stiffness, friction):
@@ -342,10 +214,6 @@ def half_slope_on_one_side(slip, load, stiffness, friction):
 def of_load(slip, load, stiffness, friction):
     limit = friction * load * 50e3 / (50e3 + load)
     return limit * ca.tanh(stiffness * slip / limit)
-
-
-def proportional(slip, load, stiffness, friction):
-    return stiffness * slip
 
 
 def with_power(slip, load, stiffness, friction):
@@ -371,23 +239,17 @@ def test_laws_are_accepted_and_equal_to_their_fraction(law) -> None:
         (lambda slip, load, stiffness, friction: stiffness * slip, "expected a function at the top level of a module"),
         (ca.tanh, "expected the arguments slip, load, stiffness, friction, got args"),
         (two_arguments, "expected the arguments slip, load, stiffness, friction, got slip, stiffness; name them so"),
-        (other_order, "got slip, stiffness, load, friction; name them so, in this order"),
-        (with_math, "expected 0 N at the slip angle 0 .*, got nan; use functions of casadi, not of math"),
-        (number, "expected an expression of CasADi"),
-        (pair, "expected one side force, got an array"),
         (
             undefined_at_zero,
             "expected 0 N at the slip angle 0 .*, got nan; use functions of casadi, not of math, and avoid 0 / 0",
         ),
         (ply_steer, "expected 0 N at the slip angle 0 for 60000 N, .*, got 599"),
-        (half_slope, "expected the slope 600000 at the slip angle 0 .*, got 300000; let the slope be the stiffness"),
         (
             brush_of_magnitude,
             "expected the slope 600000 .*, got 0; CasADi takes the slopes of sign and fabs as 0; write",
         ),
         (half_slope_on_one_side, "expected -.* N at -0.001 rad .*; make it odd in the slip angle"),
         (of_load, "with twice the load and the stiffness at 0.001 rad .*; let load matter only by stiffness / load"),
-        (proportional, "expected up to 45000 N at 0.1 rad .*, got 60000; let friction times load limit the force"),
         (with_power, "expected sqrt, fabs, exp, log, sin, cos, atan, tanh and arithmetic, got another function"),
     ],
 )
@@ -397,20 +259,10 @@ def test_what_is_no_law_is_refused_by_its_name(law, message: str) -> None:
     assert e.match(message)
 
 
-def test_settings_name_the_choices() -> None:
-    with pytest.raises(SignalError, match="tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 3"):
-        OneStage(tyres=3)
-    with pytest.raises(SignalError, match="tyres: expected the friction of the road, got none"):
-        ObserverSettings(tyres=tanh_law)
-
-
-def test_other_laws_have_other_machine_code() -> None:
-    laws = ["linear", "saturating", tanh_law, brush, root_law]
-    assert len({law_identity(law) for law in laws}) == len(laws)
-
-
 def test_a_constant_is_part_of_the_identity(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also in its last digit, and if it changes in the same process."""
+    laws = ["linear", "saturating", tanh_law, brush, root_law]
+    assert len({law_identity(law) for law in laws}) == len(laws)
     models, studies = set(), set()
     for factor in (1.0, 1.0 + 3e-16):
         monkeypatch.setitem(globals(), "FACTOR", factor)

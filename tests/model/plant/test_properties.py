@@ -63,30 +63,15 @@ def test_side_force(load: float):
     assert np.abs(force).max() <= (TYRE.PDY1 + TYRE.PDY2 * (load / TYRE.FNOMIN - 1)) * load * (1 + 1e-12)
 
 
-def test_load_transfer_reduces_side_force():
-    """Two tyres at 20 and 50 kN have less side force than two at 35 kN, at any slip."""
-    together = numbers(TYRE.side_force(ca.DM([0.01, 0.05, 0.1]), 2e4) + TYRE.side_force(ca.DM([0.01, 0.05, 0.1]), 5e4))
-    assert (together < 2 * numbers(TYRE.side_force(ca.DM([0.01, 0.05, 0.1]), 3.5e4))).all()
-
-
-def test_factors_on_stiffness_and_friction():
-    assert float(TYRE.side_force(1e-6, 3e4, stiffness=1.3)) == pytest.approx(
-        1.3 * float(TYRE.side_force(1e-6, 3e4)), rel=1e-5
-    )
-    assert float(TYRE.side_force(0.3, 3e4, friction=0.5)) == pytest.approx(
-        0.5 * float(TYRE.side_force(0.3, 3e4)), rel=0.05
-    )
-
-
-def test_combined_slip_reduces_both_forces():
+def test_factors_combined_slip_and_trail():
+    soft, slippery = TYRE.side_force(1e-6, 3e4, stiffness=1.3), TYRE.side_force(0.3, 3e4, friction=0.5)
+    assert float(soft) == pytest.approx(1.3 * float(TYRE.side_force(1e-6, 3e4)), rel=1e-5)
+    assert float(slippery) == pytest.approx(0.5 * float(TYRE.side_force(0.3, 3e4)), rel=0.05)
     assert float(TYRE.side_force(0.05, 3e4, longitudinal=0.1)) < float(TYRE.side_force(0.05, 3e4))
     alone = float(TYRE.longitudinal_force(0.05, 3e4))
     assert 0 < float(TYRE.longitudinal_force(0.05, 3e4, lateral=0.1)) < alone
     stiffness = TYRE.PKX1 + TYRE.PKX2 * (3e4 / TYRE.FNOMIN - 1)
     stiffness *= 3e4 * math.exp(TYRE.PKX3 * (3e4 / TYRE.FNOMIN - 1))
     assert float(TYRE.longitudinal_force(1e-7, 3e4)) / 1e-7 == pytest.approx(stiffness, rel=1e-4)
-
-
-def test_pneumatic_trail_is_a_few_centimetres_and_decreases_with_slip():
     assert 0.03 < float(TYRE.pneumatic_trail(0.0, 3.5e4)) < 0.06
     assert float(TYRE.pneumatic_trail(0.2, 3.5e4)) < 0.015

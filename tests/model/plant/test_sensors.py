@@ -8,10 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.data.record.timestamps import held_samples
-from fifthwheel.model.plant.sensors import Sensor, article_sensors, measure, read_sensors
-from fifthwheel.truck import get
+from fifthwheel.model.plant.sensors import Sensor, measure, read_sensors
 
 TIME = np.arange(20_000) / 100
 TRUTH = {
@@ -29,27 +27,13 @@ def measured(name: str, *, seed: int = 0, **effects) -> np.ndarray:
     return measure(TIME, TRUTH, {name: Sensor(**effects)}, seed=seed)[name]
 
 
-def test_an_ideal_sensor_measures_the_true_signal():
-    signals = measure(TIME, TRUTH, dict.fromkeys(TRUTH, Sensor()), seed=3)
-    assert list(signals) == list(TRUTH)
-    for name, values in TRUTH.items():
-        np.testing.assert_array_equal(signals[name], values)
-        assert not np.shares_memory(signals[name], values)
-
-
-def test_noise_is_white_with_the_given_variance():
-    noise = measured(YAW, variance=1.52e-5) - TRUTH[YAW]
-    assert noise.var() == pytest.approx(1.52e-5, rel=0.04)
-    assert noise.mean() == pytest.approx(0, abs=4 * math.sqrt(1.52e-5 / len(TIME)))
-    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0, abs=0.03)
-
-
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=8)
 @given(bias=st.floats(-1, 1), scale=st.floats(0.5, 2), latency=st.floats(0, 0.5))
 def test_bias_scale_and_latency(bias, scale, latency):
     values = measured(YAW, bias=bias, scale=scale, latency=latency)
     delayed = 0.1 * np.sin(np.clip(TIME - latency, 0, None))  # exact, not interpolated
     np.testing.assert_allclose(values, scale * delayed + bias, atol=1e-5)
+    np.testing.assert_array_equal(measured(YAW), TRUTH[YAW])
 
 
 @pytest.mark.parametrize("angle", [-0.2, 0.05])
@@ -61,13 +45,7 @@ def test_a_misaligned_gyro_measures_a_component_of_the_other_rate(angle):
     np.testing.assert_allclose(measured(YAW, misalignment=angle), rotated[2])
 
 
-def test_quantisation():
-    values = measured(YAW, quantisation=0.003)
-    np.testing.assert_allclose(values / 0.003, np.round(values / 0.003), atol=1e-9)
-    assert np.abs(values - TRUTH[YAW]).max() <= 0.0015 + 1e-12
-
-
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=15)
 @given(rate=st.floats(2, 300), start=st.floats(-100, 1e6), step=st.sampled_from([0.001, 0.01, 0.02]))
 def test_a_slow_sensor_has_no_values_between_its_samples(rate, start, step):
     time = start + step * np.arange(2000)
@@ -80,24 +58,17 @@ def test_a_slow_sensor_has_no_values_between_its_samples(rate, start, step):
     assert len(sampled) == pytest.approx(min(rate, 1 / step) * step * len(time), abs=2)
 
 
-@pytest.mark.parametrize("name", [YAW, "speed"])
-def test_a_held_sensor_repeats_its_samples(name):
-    samples = measured(name, rate=20.0, variance=1e-6)
-    held = measured(name, rate=20.0, variance=1e-6, held=True)
+def test_a_held_sensor_repeats_its_samples():
+    samples = measured(YAW, rate=20.0, variance=1e-6)
+    held = measured(YAW, rate=20.0, variance=1e-6, held=True)
     np.testing.assert_array_equal(held, np.repeat(samples[::5], 5)[: len(TIME)])
     found = held_samples(TIME, measured(YAW, rate=20.0, variance=1e-6, held=True))
     assert found is not None
     assert found.rate == pytest.approx(20)
-    assert np.isnan(measured(name, rate=20.0, held=True, dropout=0.1)).any()
+    assert np.isnan(measured(YAW, rate=20.0, held=True, dropout=0.1)).any()
 
 
-@pytest.mark.parametrize("name", ["speed", "steer.tractor.front"])
-def test_an_input_has_values_at_both_ends(name):
-    assert np.flatnonzero(~np.isnan(measured(name, rate=7.0)))[[0, -1]].tolist() == [0, len(TIME) - 1]
-    assert np.isnan(measured(YAW, rate=7.0)[-1])
-
-
-@pytest.mark.parametrize(("fraction", "length"), [(0.05, 0.5), (0.5, 0.2), (0.8, 1.0)])
+@pytest.mark.parametrize(("fraction", "length"), [(0.05, 0.5), (0.8, 1.0)])
 def test_fraction_and_length_of_dropouts(fraction, length):
     time = np.arange(400_000) / 100
     missing = np.isnan(measure(time, {YAW: time}, {YAW: Sensor(dropout=fraction, dropout_length=length)}, seed=2)[YAW])
@@ -110,6 +81,9 @@ def test_fraction_and_length_of_dropouts(fraction, length):
 def test_effects_apply_in_the_order_of_the_fields():
     """Noise and bias are added after the scale factor and before the quantisation, whose steps are even."""
     noise = measured(YAW, variance=1e-4) - TRUTH[YAW]
+    assert noise.var() == pytest.approx(1e-4, rel=0.04)
+    assert noise.mean() == pytest.approx(0, abs=4 * math.sqrt(1e-4 / len(TIME)))
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0, abs=0.03)
     values = measured(
         YAW, misalignment=0.1, latency=0.1, scale=1.1, bias=0.02, variance=1e-4, quantisation=0.01, rate=20, dropout=0.1
     )
@@ -135,15 +109,6 @@ def test_a_sensor_does_not_depend_on_other_sensors():
     assert np.corrcoef(noise[YAW], noise[ROLL])[0, 1] == pytest.approx(0, abs=0.03)
     np.testing.assert_array_equal(np.isnan(signals[YAW]), np.isnan(measured(YAW, seed=1, dropout=0.1)))
     assert (np.isnan(signals[YAW]) != np.isnan(signals[ROLL])).any()
-
-
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
-def test_sensors_of_the_article(name):
-    sensors = article_sensors(get(name))
-    gyros = article_gyro_variance(["tractor", "semitrailer"])
-    assert set(sensors) == {"speed", "steer.tractor.front", *gyros}
-    assert {n: sensors[n].variance for n in gyros} == gyros
-    assert sensors["speed"] == sensors["steer.tractor.front"] == Sensor()
 
 
 def test_read_sensors(tmp_path):
@@ -173,20 +138,9 @@ def test_read_sensors(tmp_path):
     assert (sensors["speed"].variance, sensors["speed"].rate) == pytest.approx((0.01, 10))
     assert sensors["yaw_rate.semitrailer"] == Sensor(variance=1.1e-5, rate=50, held=True)
     assert sensors["articulation.semitrailer"] == Sensor()
-    assert vars(sensors["yaw_rate.tractor"]) == pytest.approx(
-        {
-            "misalignment": degree,
-            "latency": 0.02,
-            "scale": 1.02,
-            "bias": -0.1 * degree,
-            "variance": (0.2 * degree) ** 2,
-            "quantisation": 0.01 * degree,
-            "rate": None,
-            "held": False,
-            "dropout": 0.02,
-            "dropout_length": 0.5,
-        }
-    )
+    stated = {"misalignment": degree, "latency": 0.02, "scale": 1.02, "bias": -0.1 * degree, "dropout": 0.02}
+    stated |= {"variance": (0.2 * degree) ** 2, "quantisation": 0.01 * degree, "dropout_length": 0.5}
+    assert vars(sensors["yaw_rate.tractor"]) == pytest.approx(stated | {"rate": None, "held": False})
     assert np.isfinite(measure(TIME, TRUTH, sensors)["speed"]).sum() == 2001
 
 
@@ -195,16 +149,11 @@ def test_read_sensors(tmp_path):
     [
         ("[yaw_rat.tractor]\nbias = 1", r"sensors\.toml: yaw_rat\.tractor: .* did you mean 'yaw_rate\.tractor'"),
         ("[yaw_rate.tractor]\nbais = 1", r"yaw_rate\.tractor\.bais: no such key; did you mean 'bias'"),
-        (
-            "[yaw_rate.tractor]\nbias = '1 m/s'",
-            r"yaw_rate\.tractor\.bias: expected rad/s or",
-        ),
-        ("[yaw_rate.tractor]\nbias = 'soon'", r"yaw_rate\.tractor\.bias: expected a number with a unit"),
+        ("[yaw_rate.tractor]\nbias = '1 m/s'", r"yaw_rate\.tractor\.bias: expected rad/s or"),
         ("[yaw_rate.tractor]\nbias = true", r"yaw_rate\.tractor\.bias: expected a number, or a text .* got True"),
         ("[yaw_rate.tractor]\nheld = 'yes'", r"yaw_rate\.tractor\.held: expected true or false, got 'yes'"),
         ("[yaw_rate.tractor]\nnoise = 1\nvariance = 1", "yaw_rate.tractor: expected noise or variance, got both"),
         ("[yaw_rate.tractor]\nnoise = '-1 deg/s'", r"yaw_rate\.tractor\.noise: expected a standard deviation of 0"),
-        ("[yaw_rate.tractor]\nrate = '10 ms'", r"yaw_rate\.tractor\.rate"),
         ("[speed]\nmisalignment = 0.1", "speed: misalignment applies to yaw_rate and roll_rate only"),
         ("[speed]\nlatency = '-1 s'", r"speed\.latency: got -1\.0, expected 0 s or more"),
         ("speed = 3", "speed: expected a table for each signal, got 3"),
@@ -225,7 +174,6 @@ def test_invalid_files_are_refused(tmp_path, text, message):
         ({"bias": math.nan}, "bias: got nan, expected a finite number"),
         ({"scale": 0.0}, "scale: got 0"),
         ({"misalignment": 5.0}, "misalignment: got 5.0, .* is it in degrees"),
-        ({"rate": 0.0}, "rate: got 0"),
         ({"rate": math.inf}, "rate: got inf"),
         ({"latency": -0.1}, "latency: got -0.1"),
         ({"quantisation": -1.0}, "quantisation: got -1"),
@@ -239,33 +187,17 @@ def test_invalid_sensors_are_refused(effects, message):
         Sensor(**effects)
 
 
-@pytest.mark.parametrize(
-    ("sensors", "message"),
-    [
+def test_signals_that_cannot_be_measured_are_refused():
+    yaw, tilted = "yaw_rate.semitrailer", Sensor(misalignment=0.1)
+    for sensors, message in (
         ({"yaw_rate.semitrailr": Sensor()}, r"missing in the true signals; did you mean 'yaw_rate\.semitrailer'"),
         ({"yawrate.tractor": Sensor()}, r"not the name of a signal; did you mean 'yaw_rate\.tractor'"),
-        ({"yaw_rate.semitrailer": Sensor(misalignment=0.1)}, r"roll_rate\.semitrailer: missing in the true signals"),
-        ({"articulation.semitrailer": Sensor(misalignment=0.1)}, "misalignment applies to yaw_rate and roll_rate only"),
-    ],
-)
-def test_signals_that_cannot_be_measured(sensors, message):
-    with pytest.raises(SignalError, match=message):
-        measure(TIME, TRUTH, sensors)
-
-
-def test_invalid_arguments_are_refused():
+        ({yaw: tilted}, r"roll_rate\.semitrailer: missing in the true signals"),
+        ({"articulation.semitrailer": tilted}, "misalignment applies to yaw_rate and roll_rate only"),
+    ):
+        with pytest.raises(SignalError, match=message):
+            measure(TIME, TRUTH, sensors)
     with pytest.raises(SignalError, match="seed: expected 0 or more, got -1"):
         measure(TIME, TRUTH, {}, seed=-1)
     with pytest.raises(SignalError, match=r"yaw_rate\.tractor: expected 20000 true values"):
         measure(TIME, {YAW: TRUTH[YAW][1:]}, {YAW: Sensor()})
-
-
-@pytest.mark.parametrize("rate", [100.0, 50.0, 20.0, 10.0])
-def test_a_rate_that_divides_the_sampling_rate(rate):
-    interval = round(100 / rate)
-    assert np.flatnonzero(~np.isnan(measured(YAW, rate=rate))).tolist() == list(range(0, len(TIME), interval))
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(SignalError, match="cannot be read"):
-        read_sensors(tmp_path / "sensors.toml")
