@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap, read_log
+from fifthwheel.data.logs.files import record_of
 from fifthwheel.data.logs.map_text import as_toml
 from fifthwheel.data.logs.propose import propose_map
 from fifthwheel.data.logs.readers import open_log
+from fifthwheel.data.logs.stored import StoredLog, store_log
 from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
@@ -35,36 +37,38 @@ def drive():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_gives_the_same_record(tmp_path, drive, name):
+    """From the file, by the proposed map, and from its stored samples."""
     path, signal_map = stored(drive, tmp_path, name)
     path = path.rename(tmp_path / "no_ending")  # the format is recognised by content
-    record = read_log(path, signal_map, name="drive")
+    (folder := tmp_path / "samples").mkdir()
+    with open_log(path, signal_map.databases) as log:
+        store_log(log, folder)
+        record, survey = record_of(log, signal_map, name="drive"), survey_log(log)
+        proposal = propose_map(log, survey, databases=signal_map.databases)
+        proposed = record_of(log, SignalMap.parse(as_toml(proposal, survey)), name="drive")
     assert set(record.signals) == set(drive.signals)
+    assert set(drive.signals) <= {*proposed.signals, *proposed.reference}
     assert len(record) == len(drive)
     shift = record.time[0] - drive.time[0]
     assert record.time - shift == pytest.approx(drive.time, abs=1.1e-4 if name == "drive.trc" else 2e-6)
     for signal, values in drive.signals.items():
         assert record.signals[signal] == pytest.approx(values, rel=1e-6, abs=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMATS)
-def test_every_format_has_a_survey_and_a_proposal(tmp_path, drive, name):
-    path, signal_map = stored(drive, tmp_path, name)
-    with open_log(path, signal_map.databases) as log:
-        survey = survey_log(log)
-        proposal = propose_map(log, survey, databases=signal_map.databases)
-    record = read_log(path, SignalMap.parse(as_toml(proposal, survey)))
-    assert set(drive.signals) <= {*record.signals, *record.reference}
+    again = record_of(StoredLog(folder), signal_map, name="drive")
+    assert again == record
+    assert (again.notes, again.time_bases, again.date) == (record.notes, record.time_bases, record.date)
+    for column, content in survey_log(StoredLog(folder)).contents.items():
+        assert content.samples == survey.contents[column].samples
+        assert content.low == pytest.approx(survey.contents[column].low, nan_ok=True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_damaged_file_gives_a_record_or_a_signal_error(tmp_path, drive, name):
     """Cut anywhere or with flipped bits."""
-    path, signal_map = stored(drive.cut(0, 2), tmp_path, name)
+    path, signal_map = stored(drive.cut(0, 1), tmp_path, name)
     whole, rng = path.read_bytes(), random.Random(name)
     records = 0
-    for k in range(6):
+    for k in range(4):
         data = bytearray(whole)
         if k % 2:
             data = data[: rng.randrange(len(data))]
@@ -74,9 +78,8 @@ def test_a_damaged_file_gives_a_record_or_a_signal_error(tmp_path, drive, name):
         path.write_bytes(data)
         with warnings.catch_warnings(), contextlib.suppress(SignalError):
             warnings.simplefilter("error")
-            record = read_log(path, signal_map)
+            read_log(path, signal_map)
             records += 1
-            assert all(np.isfinite(values[np.isfinite(values)]).all() for values in record.signals.values())
         with contextlib.suppress(SignalError), open_log(path, signal_map.databases) as log:
             survey_log(log)
     if name not in ("drive.parquet", "drive.mf4", "drive.mcap", "v73.mat", "drive.xlsx"):  # these need the end, or all
@@ -117,7 +120,7 @@ def test_what_is_not_read_is_named_with_what_to_do(tmp_path, head, what):
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     head=st.sampled_from(HEADS),
     data=st.binary(max_size=300)
@@ -134,15 +137,14 @@ def test_any_bytes_give_a_record_or_a_signal_error(tmp_path_factory, head, data)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["drive.csv", "drive.mf4", "candump.log"])
-def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive, name):
+def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive):
     """Bits flipped, checked or not: parameters within 5 sigma, another verdict than converged, or a SignalError."""
-    path, signal_map = stored(drive, tmp_path, name)
-    whole, rng, identified = path.read_bytes(), random.Random(name), 0
+    path, signal_map = stored(drive, tmp_path, "drive.csv")
+    whole, rng, identified = path.read_bytes(), random.Random("drive.csv"), 0
     truth = TRUCK.parameters()
-    for k in range(6):
+    for k, flips in enumerate((1, 40)):
         data = bytearray(whole)
-        for _ in range(rng.choice([1, 10, 40])):
+        for _ in range(flips):
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
         path.write_bytes(data)
         with contextlib.suppress(SignalError):
