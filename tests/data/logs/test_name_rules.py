@@ -29,6 +29,7 @@ CHANNELS: dict[str, dict[str | None, str]] = {
         "wheel_speed.semitrailer.front.left": "HRW.front_axle_left_wheel_speed@C8 [km/h]",
         "lateral_acceleration.semitrailer": "EBS21.lateral_acceleration@C8 [m/s^2]",
         "gross_weight": "CVW.gross_combination_vehicle_weight@EE [kg]",
+        "axle_load.tractor": "VW.axle_weight_1@EE [kg]; VW.axle_weight_2@EE [kg]; CVW.powered_vehicle_weight@EE [kg]",
         "weight.semitrailer": "VW.trailer_weight@EE [kg]",
         "engine_torque": "EEC1.actual_engine_percent_torque [%]; Motormoment [Nm]; Couple_moteur [N m]",
         "friction_torque": "EEC3.nominal_friction_percent_torque [%]",

@@ -81,11 +81,7 @@ CHOSEN = {
         {},
     ),
     "the road wheel before the steering wheel": (
-        {
-            "vx": (SPEED, 1),
-            "SteeringWheelAngle [deg]": (STEER, 20 / DEGREE),
-            "RoadWheelAngle [deg]": (STEER, 1 / DEGREE),
-        },
+        {"vx": (SPEED, 1), "SteeringWheelAngle": (STEER, 20), "RoadWheelAngle": (STEER, 1)},
         {STEER: "RoadWheelAngle"},
         {},
     ),
@@ -169,9 +165,7 @@ def test_the_signals_of_a_mass_from_driving_are_proposed(tmp_path):
     assert set(proposal.signals.signals) == {"speed", "engine_speed", "driveline_engaged", "braking.tractor"}
     assert proposal.signals.signals["engine_speed"].unit == "rpm"
     only, relative = proposal.missing
-    assert relative.startswith(
-        "engine_torque: ActualEnginePercentTorque is in percent of a reference that the log does"
-    )
+    assert relative.startswith("engine_torque: ActualEnginePercentTorque is in percent of a reference that the log ")
     assert relative.endswith('map it with unit = "N m" and gain = reference in N m / 100')
     columns["EngineTorque [N m]"] = signals["engine_torque"]
     pd.DataFrame(columns).to_csv(path, index=False)
