@@ -99,6 +99,10 @@ HEADS = [
 @pytest.mark.parametrize(
     ("head", "what"),
     [
+        *((packed, "unpack it|.*unpack it") for packed in (b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c")),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n", ".*Git LFS pointer.*`git lfs pull`"),
+        (b"SQLite format 3\0", ".*SQLite database.*ROS 2.*mcap convert"),
+        (b"#ROSBAG V2.0\n", ".*ROS 1; convert it to MCAP"),
         (b"BZh91AY&SY", "compressed by bzip2; .*rlog of openpilot"),
         (b"\xfd7zXZ\0\0\x04", "compressed by xz"),
         (b"(\xb5/\xfd\x24", "compressed by zstd; .*rlog of openpilot"),
