@@ -1,6 +1,5 @@
 """What each quantity is, in one place: names, several sensors on a unit, signals that nothing uses."""
 
-import numpy as np
 import pytest
 
 import fifthwheel as fw
@@ -45,18 +44,6 @@ def test_an_identification_uses_every_sensor(truck: fw.Vehicle, record: fw.Recor
     assert {f"{REAR}.{kind}" for kind in ("offset", "gain", "delay", "position", "height")} <= errors
     for name in free:
         assert abs(result[name].value - truck.parameters()[name]) < 3 * result[name].sigma
-
-
-@pytest.mark.slow
-def test_an_observer_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> None:
-    observer = fw.Observer(truck, record.signals)
-    assert {SECOND, REAR} <= set(observer.outputs)
-    states = observer.batch(record)
-    for name in (SECOND, REAR):
-        normalised = states.innovation[name] / states.innovation_sigma[name]
-        assert 0.8 < np.sqrt(np.mean(normalised**2)) < 1.2
-    error = states.values["sideslip.semitrailer"] - record.reference["sideslip.semitrailer"]
-    assert np.sqrt(np.mean(error**2)) < 0.002
 
 
 def test_what_is_found_in_several_sensors_of_a_quantity(truck: fw.Vehicle, record: fw.Record) -> None:

@@ -21,7 +21,6 @@ from fifthwheel.model.dynamics import linear_system, model
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import get
-from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
 
 TRUCK = get("cheng_cebon_2011")
 RATE = Channel(
@@ -138,23 +137,3 @@ def test_an_identification_estimates_the_errors_of_the_sensor(
     monkeypatch.delitem(CHANNELS, "optical_angle")
     with pytest.raises(SignalError, match=r"optical_angle\.tractor: not the name of a signal"):
         Identification.load(tmp_path)
-
-
-def test_the_sensor_improves_the_states_as_much_as_its_sigma_says(example: ModuleType, record: Record) -> None:
-    settings = ObserverSettings(
-        sensor_errors={f"{example.SIGNAL}.offset": example.OFFSET}, noise={example.SIGNAL: 4e-6}
-    )
-    with_sensor = Observer(TRUCK, record.signals, settings).batch(record)
-    without = Observer(TRUCK, set(record.signals) - {example.SIGNAL}, ObserverSettings()).batch(record)
-    name = "sideslip.tractor"
-    assert np.median(with_sensor.sigma[name]) < 0.7 * np.median(without.sigma[name])
-    error = with_sensor.values[name] - record.reference[name]
-    assert np.sqrt(np.mean(error**2)) < 1.2 * np.sqrt(np.mean(with_sensor.sigma[name] ** 2))
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
-def test_c_code(example: ModuleType, record: Record, tmp_path: Path) -> None:
-    observer = Observer(TRUCK, record.signals)
-    replay = compiled(observer, tmp_path)
-    assert_equal(replayed(replay, observer, record), pushed(observer, record), 1e-12)

@@ -13,7 +13,6 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.apps.workflow.runs import design_run, run_states
 from fifthwheel.base.units import quantity
-from fifthwheel.data.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.data.channels.sensors import SENSOR_CLASSES
 from fifthwheel.estimate.identify.given import common_sensors, with_sensors
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
@@ -117,18 +116,6 @@ def test_what_cannot_be_used_is_refused() -> None:
     for signal, keys, message in REFUSED:
         with pytest.raises(fw.SignalError, match=message):
             with_keys(signal, keys)
-
-
-def test_a_class_states_every_error_of_its_quantities() -> None:
-    for name, known in SENSOR_CLASSES.items():
-        sensor = fw.SensorPrior(sensor_class=name)
-        for channel in known.offset:
-            signal = f"{channel}.tractor"
-            assert CHANNELS[channel] in (STEER, *IDENTIFIED)
-            sensor.require_fits(signal)
-            kinds = {kind for kind in error_kinds(signal) if sensor.usual_sigma(signal, kind) is not None}
-            assert kinds == {*error_kinds(signal)} - {"position", "height"}
-            assert (sensor.usual_sigma(signal, "noise") is None) == (channel == "steer")
 
 
 def test_priority(truck: fw.Vehicle) -> None:

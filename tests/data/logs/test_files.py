@@ -1,5 +1,4 @@
 import codecs
-import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -129,49 +128,6 @@ def test_missing_files_and_unknown_formats(tmp_path, weaving):
         write_record(weaving, tmp_path / "run.xlsx")
     with pytest.raises(SignalError, match="cannot be written"):
         write_record(weaving, tmp_path / "no" / "run.csv")
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, weaving, monkeypatch):
-    path = tmp_path / "run.parquet"
-    write_record(weaving, path)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(SignalError, match="No space left"):
-        write_record(weaving.cut(0, 1), path)
-    assert read_log(path) == weaving
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_file_cut_anywhere(tmp_path, suffix):
-    complete = read_content(tmp_path, GOOD)
-    write_record(complete, tmp_path / f"complete{suffix}")
-    data = (tmp_path / f"complete{suffix}").read_bytes()
-    kept = 0
-    for size in range(0, len(data), 1 + len(data) // 20):
-        with contextlib.suppress(SignalError):
-            record = read_content(tmp_path, data[:size], name="short")
-            kept += 1
-            assert record == complete.cut(*record.span)
-    assert (kept > 0) == (suffix == ".csv")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-@settings(max_examples=10, deadline=None)
-@given(at=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
-def test_a_wrong_byte_is_a_record_or_refused(tmp_path_factory, suffix, at, value):
-    path = tmp_path_factory.mktemp("wrong") / f"run{suffix}"
-    write_record(Record(time=[0.0, 0.1, 0.2], signals={"speed": [10.0, np.nan, 20.0]}), path)
-    data = bytearray(path.read_bytes())
-    data[int(at * len(data))] = value
-    path.write_bytes(data)
-    with contextlib.suppress(SignalError):
-        assert isinstance(read_log(path), Record)
 
 
 def test_parquet_of_other_writers(tmp_path):

@@ -134,22 +134,6 @@ def test_what_else_explains_the_log_is_asked(tmp_path, turns):
 
 
 @pytest.mark.slow
-def test_reasons_and_questions_of_units(tmp_path, turns):
-    path, _ = written(tmp_path, turns, "simulator", (), UNITS["degrees and g"])
-    _, proposal = proposed(path)
-    assert "unit deg by its magnitude" in proposal.reasons[STEER]
-    assert "times in deg and" in proposal.reasons[STEER]
-    assert proposal.questions == ()
-    few = pd.read_csv(path)[["Time", "Vx", "Steer_L1", "AVz", "AVz_2"]]
-    few.to_csv(path, index=False)
-    _, proposal = proposed(path)
-    (question,) = proposal.questions  # without an acceleration, the speed may be in mph
-    assert (question.signal, question.fault) == (SPEED, Fault.UNIT)
-    assert "km/h is assumed, mph explains the other signals nearly as well" in question.message
-    assert "it reaches 22 m/s in the first and 35 m/s in the second" in question.message
-
-
-@pytest.mark.slow
 def test_columns_of_wheels_come_after_those_of_the_body(tmp_path, turns):
     yaw, *rolls = ("AVz_knuckle_left", "AVx_hub_R1", "AVx_L2")
     more = {yaw: 1.3 * turns.signals[YAWS[0]], **dict.fromkeys(rolls, 2.0 * turns.signals[ROLLS[0]])}
@@ -187,25 +171,6 @@ def test_a_steering_wheel_angle_that_jumps_by_a_full_turn(tmp_path, turns, unit,
     assert proposal.signals.signals[STEER].sign == 1
     assert "jumps by a full turn" in " ".join(record.notes)
     assert "jumps by a full turn" in proposal.reasons[STEER]
-
-
-def test_a_full_turn_in_pieces_and_interpolated_samples():
-    time = np.arange(0, 20, 0.02)
-    angle = 30 * np.sin(time) + np.random.default_rng(2).normal(0, 0.2, time.size)
-    wrapped = angle % 360
-    between = np.flatnonzero(np.abs(np.diff(wrapped)) > 180)[::7]
-    mixed = np.insert(wrapped, between + 1, (wrapped[between] + wrapped[between + 1]) / 2)
-    at = np.insert(time, between + 1, time[between] + 0.01)
-    whole = Unwrapped(360.0)
-    result = whole.centred(whole.push(at, mixed))
-    inserted = np.isin(at, time[between] + 0.01)
-    assert np.isnan(result[inserted]).all()
-    assert result[~inserted] == pytest.approx(angle)
-    pieces = Unwrapped(360.0)
-    joined = np.concatenate(
-        [pieces.push(t, v) for t, v in zip(np.array_split(time, 37), np.array_split(wrapped, 37), strict=True)]
-    )
-    assert pieces.centred(joined) == pytest.approx(angle)
 
 
 def test_other_angles_stay_as_they_are():

@@ -10,7 +10,7 @@ from fifthwheel.data.logs.propose import propose_map
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.model.plant.powered import DrivenTruck, drive
-from fifthwheel.results.report.logs import record_document, survey_document
+from fifthwheel.results.report.logs import record_document
 
 DEGREE = np.pi / 180
 COLUMNS = {
@@ -183,10 +183,9 @@ def test_a_held_column_has_the_rate_of_its_new_values(tmp_path, weaving):
     frame = pd.concat([frame.iloc[:500], pd.DataFrame({"time": [frame.time[499] + 0.1]}), frame.iloc[600:]])
     path = tmp_path / "held.csv"
     frame.to_csv(path, index=False)
-    survey, proposal = survey_and_proposal(path)
+    survey, _ = survey_and_proposal(path)
     rates = [survey.contents[name].rate for name in ("yaw_rate.tractor", "roll_rate.tractor")]
     assert rates == pytest.approx([12.5, 50.0], rel=0.02)
-    assert "Empty" in str(survey_document(survey, proposal))
     record = read_log(path)
     missing = [
         row.split()[-2:] for row in str(record_document(record, ())).splitlines() if row.startswith(("yaw", "roll"))

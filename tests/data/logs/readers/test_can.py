@@ -150,21 +150,6 @@ def test_a_damaged_line_costs_only_itself(tmp_path, kind):
     assert frames.notes == ["1 damaged line left out"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["asc", "log", "trc"])
-def test_a_text_that_is_cut_gives_the_frames_before(tmp_path, kind):
-    messages = some(60)
-    data = write(tmp_path / f"a.{kind}", messages).read_bytes()
-    sent = [(one.arbitration_id, bytes(one.data)) for one in messages]
-    for size in range(len(data) - 1, len(data) // 2, -29):
-        (tmp_path / "cut").write_bytes(data[:size])
-        frames = read(tmp_path / "cut")
-        got = list(zip(frames.id.tolist(), frames.payloads, strict=True))
-        assert got == sent[: len(frames)]
-        if not data[:size].endswith(b"\n"):
-            assert "last line left out: it has no line end and may be cut short" in frames.notes
-
-
 def test_a_broken_blf_gives_the_frames_before_and_says_where(tmp_path):
     path = tmp_path / "a.blf"
     writer = can.BLFWriter(str(path))

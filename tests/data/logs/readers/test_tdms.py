@@ -1,6 +1,5 @@
 """TDMS: written by npTDMS's own writer, read here in blocks."""
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from fifthwheel.base.errors import SignalError
 pytest.importorskip("nptdms")
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers import open_log as open_any
 from fifthwheel.data.logs.readers import tdms
 from fifthwheel.data.logs.readers.tdms import open_log
@@ -122,21 +120,3 @@ def test_an_index_beside_the_file_is_not_used(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(SignalError, match=r"^a\.tdms: "):
             open_any(path)
-
-
-@pytest.mark.slow
-def test_a_cut_file_gives_what_is_before(tmp_path: Path) -> None:
-    values = np.arange(COUNT, dtype=float)
-    parts = [[waveform("g", "speed", values + k * COUNT, unit="m/s")] for k in range(5)]
-    whole = save(tmp_path / "a.tdms", *parts).read_bytes()
-    path = tmp_path / "cut.tdms"
-    counts = []
-    for size in range(100, len(whole), 3907):
-        path.write_bytes(whole[:size])
-        counts.append(0)
-        with contextlib.suppress(SignalError):
-            record = read_log(path, SignalMap())
-            np.testing.assert_array_equal(record.signals["speed"], np.arange(len(record)))
-            counts[-1] = len(record)
-    assert counts == sorted(counts)
-    assert counts[-1] > 4 * COUNT

@@ -1,6 +1,5 @@
 """ULog: messages written here as the specification of PX4 describes them."""
 
-import contextlib
 import struct
 from collections.abc import Iterable
 from pathlib import Path
@@ -78,16 +77,3 @@ def test_damage_and_lost_samples_are_noted(tmp_path: Path) -> None:
     path.write_bytes(header() + subscriptions())
     with pytest.raises(SignalError, match=r"a\.ulg: a ULog file without samples"):
         open_any(path)
-
-
-@pytest.mark.slow
-def test_a_cut_file_gives_what_is_before(tmp_path: Path) -> None:
-    whole = save(tmp_path / "a.ulg").read_bytes()
-    path, counts = tmp_path / "cut.ulg", []
-    for size in range(7, len(whole), 3001):
-        path.write_bytes(whole[:size])
-        counts.append(0)
-        with contextlib.suppress(SignalError), open_any(path) as log:
-            counts[-1] = read(log, "gyro_0.n")["gyro_0.n"][1].size
-    assert counts == sorted(counts)
-    assert counts[-1] > 450
