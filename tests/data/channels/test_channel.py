@@ -1,11 +1,9 @@
 """What each quantity is, in one place: names, several sensors on a unit, signals that nothing uses."""
 
-import numpy as np
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.data.channels import CHANNELS, IDENTIFIED, MEASURED, SensorErrorName, is_of, measured_signals
-from fifthwheel.data.channels.channel import GainFault
 from fifthwheel.data.checks import Fault, check
 from fifthwheel.estimate.filters.variances import sensor_variance
 
@@ -48,26 +46,11 @@ def test_an_identification_uses_every_sensor(truck: fw.Vehicle, record: fw.Recor
         assert abs(result[name].value - truck.parameters()[name]) < 3 * result[name].sigma
 
 
-@pytest.mark.slow
-def test_an_observer_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> None:
-    observer = fw.Observer(truck, record.signals)
-    assert {SECOND, REAR} <= set(observer.outputs)
-    states = observer.batch(record)
-    for name in (SECOND, REAR):
-        normalised = states.innovation[name] / states.innovation_sigma[name]
-        assert 0.8 < np.sqrt(np.mean(normalised**2)) < 1.2
-    error = states.values["sideslip.semitrailer"] - record.reference["sideslip.semitrailer"]
-    assert np.sqrt(np.mean(error**2)) < 0.002
-
-
-@pytest.mark.slow
-def test_several_sensors_of_a_quantity_are_plausible(truck: fw.Vehicle, record: fw.Record) -> None:
-    assert fw.check_signals(record, truck) == ()
+def test_what_is_found_in_several_sensors_of_a_quantity(truck: fw.Vehicle, record: fw.Record) -> None:
+    """Nothing; an inverted one; a signal that nothing uses."""
+    assert check(record) == ()
     inverted = record.with_signals({SECOND: -record.signals[SECOND]})
     assert {(f.signal, f.fault) for f in check(inverted)} == {(SECOND, Fault.SWAPPED_SIGN)}
-
-
-def test_a_signal_that_nothing_uses_is_found(record: fw.Record) -> None:
     values = record.signals["yaw_rate.tractor"]
     (finding,) = check(record.with_signals({"pitch_rate.tractor": values, "sideslip.tractor": values}))
     assert (finding.fault, finding.severity) == (Fault.UNUSED, "warning")
@@ -75,31 +58,17 @@ def test_a_signal_that_nothing_uses_is_found(record: fw.Record) -> None:
     assert "[reference]" in finding.message
 
 
-def test_every_sensor_error_has_a_prior_and_a_unit() -> None:
+def test_rows_of_the_table_are_complete() -> None:
+    """What estimators need of a measurement; a prior and a unit of each sensor error; faults of a gain that exist."""
+    assert all(channel.model and channel.noise and channel.limit for channel in MEASURED)
+    assert all(channel.errors for channel in IDENTIFIED)
+    faults = {fault.value for fault in Fault}
     for channel in CHANNELS.values():
+        assert not channel.turn or all(rule.fault in faults for rule in channel.turn.gain_faults)
         for error in channel.errors:
-            assert error.prior > 0
             name = SensorErrorName.of(f"{channel.quantity}.tractor.{error.kind}")
+            assert error.prior > 0
             assert name is not None
             assert name.unit
-
-
-def test_estimators_have_all_that_they_need_of_a_measurement() -> None:
-    for channel in MEASURED:
-        assert channel.model is not None
-        assert channel.noise is not None
-        assert channel.limit is not None
-        assert channel.proposed == "signal"
-    assert all(channel.errors for channel in IDENTIFIED)
-
-
-def test_faults_of_a_gain_exist() -> None:
-    faults = {fault.value for fault in Fault}
-    rules: list[GainFault] = [rule for c in CHANNELS.values() if c.turn for rule in c.turn.gain_faults]
-    assert all(rule.fault in faults for rule in rules)
-
-
-def test_place_errors_belong_to_sensors_with_a_place() -> None:
-    assert SensorErrorName.of("lateral_acceleration.tractor.height") is not None
     assert SensorErrorName.of("semitrailer.payload.height") is None
     assert is_of("lateral_acceleration.tractor.rear", *MEASURED)

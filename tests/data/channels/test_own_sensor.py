@@ -8,24 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.channels import CHANNELS, IDENTIFIED, MEASURED, MODELLED, SensorErrorName, own_channels, register
+from fifthwheel.data.channels import CHANNELS, IDENTIFIED, MEASURED, MODELLED, own_channels, register
 from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.observe import Observer, ObserverSettings, offline
+from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.dynamics import linear_system, model
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import get
-from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
 
 TRUCK = get("cheng_cebon_2011")
-STEER = "steer.tractor.front"
 RATE = Channel(
     quantity="optical_rate",
     unit="rad/s",
@@ -65,40 +62,33 @@ def record(example: ModuleType) -> Record:
     return made
 
 
-def error(**fields: object) -> dict[str, object]:
-    return {"errors": (ErrorKind(**fields),)}  # type: ignore[arg-type]
+INCOMPLETE: list[tuple[dict[str, object], str]] = [
+    ({"quantity": "yaw_rate"}, "yaw_rate: is a quantity of fifthwheel; give yours another name"),
+    ({"quantity": "Optical rate"}, "quantity: expected small letters, digits and _, got 'Optical rate'"),
+    ({"quantity": "a.b"}, "quantity: expected small letters"),
+    ({"unit": "rad per second"}, "optical_rate, unit: expected a unit in SI, got 'rad per second'"),
+    ({"of": "part"}, "optical_rate, model: expected a value of a unit"),
+    ({"model": None}, "optical_rate, model: expected a value of a unit"),
+    ({"limit": None}, "optical_rate, limit: expected a value, got none; add it"),
+    ({"noise": None}, "optical_rate, noise: expected a value, got none; add it"),
+    ({"errors": (ErrorKind(kind="delay", prior=0.01),)}, "optical_rate, errors: expected offset or gain, got 'delay'"),
+    ({"errors": (ErrorKind(kind="gain", prior=-0.1),)}, "optical_rate, gain: expected a prior of 0 or more, got -0.1"),
+]
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"quantity": "yaw_rate"}, "yaw_rate: is a quantity of fifthwheel; give yours another name"),
-        ({"quantity": "Optical rate"}, "quantity: expected small letters, digits and _, got 'Optical rate'"),
-        ({"quantity": "a.b"}, "quantity: expected small letters"),
-        ({"unit": "rad per second"}, "optical_rate, unit: expected a unit in SI, got 'rad per second'"),
-        ({"of": "part"}, "optical_rate, model: expected a value of a unit"),
-        ({"model": None}, "optical_rate, model: expected a value of a unit"),
-        ({"limit": None}, "optical_rate, limit: expected a value, got none; add it"),
-        ({"noise": None}, "optical_rate, noise: expected a value, got none; add it"),
-        (error(kind="delay", prior=0.01), "optical_rate, errors: expected offset or gain, got 'delay'"),
-        (error(kind="gain", prior=-0.1), "optical_rate, gain: expected a prior of 0 or more, got -0.1"),
-    ],
-)
-def test_an_incomplete_sensor_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(SignalError) as e:
-        register(replace(RATE, **changes))  # type: ignore[arg-type]
-    assert str(e.value).startswith(message)
-    assert "optical_rate" not in CHANNELS or CHANNELS["optical_rate"] is RATE
+def test_an_incomplete_sensor_is_refused() -> None:
+    for changes, message in INCOMPLETE:
+        with pytest.raises(SignalError) as e:
+            register(replace(RATE, **changes))  # type: ignore[arg-type]
+        assert str(e.value).startswith(message)
+        assert "optical_rate" not in CHANNELS
 
 
-@pytest.mark.parametrize(
-    "value",
-    [lambda now, i, name: math.tanh(now.motion.r[i]), lambda now, i, name: 1.0, lambda now, i, name: now.motion],
-)
-def test_a_value_that_is_no_expression_is_refused(value: object) -> None:
-    register(replace(RATE, quantity="wrong", model=SensorModel(value=value)))  # type: ignore[arg-type]
-    with pytest.raises(SignalError, match=r"wrong\.tractor: expected one expression of CasADi from the value"):
-        assert model(TRUCK, ["wrong.tractor"], roll=False).observation
+def test_a_value_that_is_no_expression_is_refused() -> None:
+    for value in (lambda now, i, name: math.tanh(now.motion.r[i]), lambda *_: 1.0, lambda now, i, name: now.motion):
+        register(replace(RATE, quantity="wrong", model=SensorModel(value=value)))  # type: ignore[arg-type, misc]
+        with pytest.raises(SignalError, match=r"wrong\.tractor: expected one expression of CasADi from the value"):
+            assert model(TRUCK, ["wrong.tractor"], roll=False).observation
 
 
 def test_a_later_channel_of_the_same_quantity_replaces_the_model() -> None:
@@ -132,6 +122,7 @@ def test_an_observer_gives_the_states_of_the_same_sensor_by_another_name() -> No
 def test_an_identification_estimates_the_errors_of_the_sensor(
     example: ModuleType, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert [c.quantity for c in own_channels(["speed", example.SIGNAL, "yaw_rate.tractor"])] == ["optical_angle"]
     settings = OneStage(tyres="linear", check=False)
     result = identify([record], TRUCK, settings)
     errors = {error.name: error for error in result.sensors}
@@ -146,46 +137,3 @@ def test_an_identification_estimates_the_errors_of_the_sensor(
     monkeypatch.delitem(CHANNELS, "optical_angle")
     with pytest.raises(SignalError, match=r"optical_angle\.tractor: not the name of a signal"):
         Identification.load(tmp_path)
-
-
-def test_the_sensor_improves_the_states_as_much_as_its_sigma_says(example: ModuleType, record: Record) -> None:
-    settings = ObserverSettings(
-        sensor_errors={f"{example.SIGNAL}.offset": example.OFFSET}, noise={example.SIGNAL: 4e-6}
-    )
-    with_sensor = Observer(TRUCK, record.signals, settings).batch(record)
-    without = Observer(TRUCK, set(record.signals) - {example.SIGNAL}, ObserverSettings()).batch(record)
-    name = "sideslip.tractor"
-    assert np.median(with_sensor.sigma[name]) < 0.7 * np.median(without.sigma[name])
-    error = with_sensor.values[name] - record.reference[name]
-    assert np.sqrt(np.mean(error**2)) < 1.2 * np.sqrt(np.mean(with_sensor.sigma[name] ** 2))
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
-def test_c_code(example: ModuleType, record: Record, tmp_path: Path) -> None:
-    observer = Observer(TRUCK, record.signals)
-    replay = compiled(observer, tmp_path)
-    assert_equal(replayed(replay, observer, record), pushed(observer, record), 1e-12)
-
-
-@pytest.mark.slow
-def test_an_unscented_filter_uses_the_sensor(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It agrees with the extended one but for the curvature of the measurement, and of the sensor only."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))
-    observer_model = importlib.import_module("filters").observer_model
-    truck = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
-    variances = {"yaw_rate.tractor": 1e-6, example.SIGNAL: 4e-6}
-    record = simulate(truck, count=1, sensors=variances, roll=False)
-    extended, unscented = (
-        offline.states(record, observer_model(truck, record.signals, ObserverSettings(), kind), None, smooth=False)
-        for kind in ("extended", "square root")
-    )
-    for name, values in extended.values.items():
-        error = np.abs(unscented.values[name] - values).max()
-        assert 0 < error < 1e-3 * np.median(extended.sigma[name])
-
-
-def test_names(example: ModuleType) -> None:
-    assert [c.quantity for c in own_channels(["speed", example.SIGNAL, "yaw_rate.tractor"])] == ["optical_angle"]
-    assert SensorErrorName.of(f"{example.SIGNAL}.offset") == (example.SIGNAL, "offset")
-    assert isinstance(model(TRUCK, [example.SIGNAL], roll=False).observation, ca.Function)

@@ -40,16 +40,8 @@ def test_missing_loads_and_too_few_samples_are_refused():
 
 def test_loads_in_kilograms_and_from_the_pressure_of_an_air_spring(tmp_path):
     (tmp_path / "a.csv").write_text("t,front,p\n0,7000,1.0\n1,7000,4.0\n2,7000,8.0\n")
-    record = read_log(
-        tmp_path / "a.csv",
-        SignalMap.parse("""
-            [signals]
-            "axle_load.tractor.front" = {column = "front", unit = "kg"}
-            [signals."axle_load.tractor.drive"]
-            column = "p"
-            unit = "kg"
-            points = [[1.0, 3000], [5.0, 9000], [7.0, 11500]]
-        """),
-    )
+    spring = {"column": "p", "unit": "kg", "points": [[1.0, 3000], [5.0, 9000], [7.0, 11500]]}
+    source = {"axle_load.tractor.front": {"column": "front", "unit": "kg"}, "axle_load.tractor.drive": spring}
+    record = read_log(tmp_path / "a.csv", SignalMap.model_validate({"signals": source}))
     assert record.signals["axle_load.tractor.front"] == pytest.approx(7000 * 9.80665)
     assert record.signals["axle_load.tractor.drive"] / 9.80665 == pytest.approx([3000, 7500, 12750])

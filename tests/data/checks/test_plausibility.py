@@ -1,13 +1,11 @@
 """Plausibility of a record: every fault is injected, and both sides of every limit."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.checks import Fault, Finding, check, raise_errors
+from fifthwheel.data.checks import Fault, check, raise_errors
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.signal_map import SignalSource
 from fifthwheel.data.record import Record
@@ -16,6 +14,7 @@ from tests.data.logs.conftest import weaving_truck
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
 HITCH, ACCELERATION = "articulation.semitrailer", "lateral_acceleration.tractor"
+WHEEL, ROLL = "wheel_speed.tractor.front.left", "roll_rate.semitrailer"
 
 
 def scaled(name, factor, offset=0.0):
@@ -97,13 +96,7 @@ def test_engine_signals_are_used_by_the_mass_from_driving(weaving):
     assert not check(driven(weaving, "engine_speed", "engine_torque", "braking.tractor", "braking.tractor.retarder"))
     (finding,) = check(driven(weaving, "engine_speed", "friction_torque", "braking.tractor"))
     assert (finding.fault, finding.others) == (Fault.UNUSED, ("friction_torque",))
-    assert finding.message == (
-        "engine_speed: only the mass from driving uses it and friction_torque, and engine_torque is missing for it;"
-        " map that in signals.toml too"
-    )
-
-
-def test_missing_samples_of_an_engine_signal_refuse_no_log(weaving):
+    assert "engine_torque is missing for it; map that in signals.toml too" in finding.message
     record = driven(weaving, "engine_speed", "engine_torque", "braking.tractor")
     torque = np.where((record.time > 2.0) & (record.time < 0.8 * record.time[-1]), np.nan, 1.0)
     (finding,) = check(record.with_signals({"engine_torque": torque}))
@@ -115,10 +108,18 @@ def test_missing_samples_of_an_engine_signal_refuse_no_log(weaving):
     ("fault", "signal", "severity", "inject"), INJECTED, ids=lambda v: getattr(v, "name", getattr(v, "__name__", v))
 )
 def test_exactly_the_injected_fault_is_found(weaving, fault, signal, severity, inject):
+    """Its remedy is in keys of the signal map, which are in the message."""
     findings = check(inject(weaving))
     assert [(f.fault, f.signal, f.severity) for f in findings] == [(fault, signal, severity)]
-    assert findings[0].message.startswith(f"{signal}: ")
-    assert "; " in findings[0].message or fault is Fault.SPIKE  # which needs no action
+    message, remedy = findings[0].message, findings[0].remedy
+    assert message.startswith(f"{signal}: ")
+    assert "; " in message or fault is Fault.SPIKE  # which needs no action
+    SignalSource.model_validate({"column": "x", **remedy})
+    assert all(f"{key} = " in message for key in remedy)
+    assert remedy or fault not in (Fault.DEGREES, Fault.UNIT, Fault.SWAPPED_SIGN, Fault.OFFSET)
+    if fault in (Fault.SWAPPED_SIGN, Fault.DEGREES):
+        angle = "deg" if signal in (STEER, HITCH) else "deg/s"
+        assert remedy == ({"sign": -1} if fault is Fault.SWAPPED_SIGN else {"unit": angle})
     if severity == "error":
         with pytest.raises(SignalError, match=f"^{signal}: "):
             raise_errors(findings)
@@ -126,235 +127,134 @@ def test_exactly_the_injected_fault_is_found(weaving, fault, signal, severity, i
         raise_errors(findings)
 
 
-@pytest.mark.slow
-def test_a_remedy_is_in_keys_of_the_signal_map(weaving):
-    """SignalSource accepts the keys, and the message contains them."""
-    for fault, _, _, inject in INJECTED:
-        for finding in check(inject(weaving)):
-            SignalSource.model_validate({"column": "x", **finding.remedy})
-            assert all(f"{key} = " in finding.message for key in finding.remedy)
-            assert finding.remedy or fault not in (Fault.DEGREES, Fault.UNIT, Fault.SWAPPED_SIGN, Fault.OFFSET)
-
-
-@pytest.mark.parametrize("signal", [STEER, RATE, RATE2, HITCH, ACCELERATION])
-def test_the_remedy_removes_a_swapped_sign_and_degrees(weaving, signal):
-    (finding,) = check(scaled(signal, -1)(weaving))
-    assert check(scaled(signal, -finding.remedy["sign"])(weaving)) == ()
-    if signal != ACCELERATION:
-        (finding,) = check(scaled(signal, 180 / np.pi)(weaving))
-        assert finding.remedy["unit"] == ("deg" if signal in (STEER, HITCH) else "deg/s")
-
-
 def test_units_and_axles_that_the_vehicle_does_not_have(weaving):
     units = {"units": ["tractor", "semitrailer"], "steered": ["steer.tractor.front"]}
     assert check(weaving, **units) == ()
-    values = weaving.signals[RATE2]
-    unknown = weaving.with_signals({"roll_rate.trailer": 0.1 * values, "steer.tractor.fron": weaving.signals[STEER]})
-    messages = [str(f) for f in check(unknown, **units) if f.fault is Fault.UNKNOWN_UNIT]
-    assert len(messages) == 2
-    assert (
-        "has no tractor or trailer named 'trailer'; rename the signal in signals.toml, did you mean 'semitrailer'"
-        in messages[0]
+    signals = {"roll_rate.trailer": 0.1 * weaving.signals[RATE2], "steer.tractor.fron": weaving.signals[STEER]}
+    unit, axle = [f.message for f in check(weaving.with_signals(signals), **units) if f.fault is Fault.UNKNOWN_UNIT]
+    assert "named 'trailer'; rename the signal in signals.toml, did you mean 'semitrailer'" in unit
+    assert "did you mean 'steer.tractor.front'?" in axle
+
+
+def rows(record, keep, time=None):
+    """The record with some rows, at other times if they are given."""
+    return Record(
+        time=(record.time if time is None else time)[keep], signals={n: v[keep] for n, v in record.signals.items()}
     )
-    assert "did you mean 'steer.tractor.front'?" in messages[1]
 
 
-def test_gyros_of_tractor_and_trailer_exchanged(weaving):
-    exchanged = weaving.with_signals({RATE: weaving.signals[RATE2], RATE2: weaving.signals[RATE]})
-    findings = [f for f in check(exchanged) if f.severity == "error"]
-    assert (findings[0].signal, findings[0].fault) == (RATE2, Fault.WRONG_COLUMN)
-    assert "swap the two columns" in findings[0].message
+ALL = slice(None)
+FIRST = {
+    "gyros exchanged": (
+        lambda r: r.with_signals({RATE: r.signals[RATE2], RATE2: r.signals[RATE]}),
+        (RATE2, Fault.WRONG_COLUMN, "swap the two columns"),
+    ),
+    "m/s as km/h": (
+        lambda r: scaled("speed", 1 / 3.6)(weaving_truck(speed=25.0)),
+        ("speed", Fault.UNIT, 'set unit = "m/s"'),
+    ),
+    "slow run in km/h": (
+        lambda r: scaled("speed", 3.6)(with_wheels_and_roll(weaving_truck(speed=9.0))),
+        ("speed", Fault.UNIT, ""),
+    ),
+    "time in ms": (lambda r: rows(r, r.time < 5, 1e-3 * r.time), ("time", Fault.UNIT, "")),
+    "gap of all": (lambda r: rows(r, (r.time < 10) | (r.time > 13)), ("time", Fault.DROPOUT, "")),
+    "one damaged timestamp, which must not need memory": (
+        lambda r: rows(between(RATE, 3, 3.1, np.nan)(r), ALL, np.append(r.time[:-1], 4e12)),
+        ("time", Fault.DROPOUT, ""),
+    ),
+    "start of daylight saving time": (
+        lambda r: rows(r, ALL, r.time + 3600.0 * (r.time > 20)),
+        ("time", Fault.DROPOUT, "one hour, as at the start of daylight saving time"),
+    ),
+    "steering wheel by its magnitude alone": (
+        lambda r: Record(time=r.time, signals={STEER: 40 * r.signals[STEER], "speed": r.signals["speed"]}),
+        (STEER, Fault.STEERING_WHEEL, ""),
+    ),
+    "roll inverted": (lambda r: with_wheels_and_roll(r, roll=-1), (ROLL, Fault.SWAPPED_SIGN, "")),
+    "roll in degrees": (lambda r: with_wheels_and_roll(r, roll=180 / np.pi), (ROLL, Fault.DEGREES, "")),
+    "wheel in km/h": (lambda r: with_wheels_and_roll(r, wheel=3.6), (WHEEL, Fault.UNIT, "")),
+    "wheel at half the speed": (lambda r: with_wheels_and_roll(r, wheel=0.5), ("speed", Fault.UNIT, "")),
+}
 
 
-def test_a_speed_in_m_per_s_read_as_km_per_h(weaving):
-    findings = check(scaled("speed", 1 / 3.6)(weaving_truck(speed=25.0)))
-    assert (findings[0].signal, findings[0].fault) == ("speed", Fault.UNIT)
-    assert 'set unit = "m/s"' in findings[0].message
+@pytest.mark.parametrize("case", FIRST)
+def test_the_first_finding(weaving, case):
+    change, (signal, fault, text) = FIRST[case]
+    first = check(change(weaving))[0]
+    assert (first.signal, first.fault) == (signal, fault)
+    assert text in first.message
 
 
-def test_a_time_in_the_wrong_unit_is_found(weaving):
-    part = weaving.cut(0, 5)
-    short = Record(time=part.time * 1e-3, signals=part.signals)
-    assert ("time", Fault.UNIT) in [(f.signal, f.fault) for f in check(short) if f.severity == "error"]
+def in_bursts(record):
+    """Two gyros 1 ms apart, as on a bus, and inputs between their samples."""
+    time = np.sort(np.concatenate([record.time, record.time + 1e-3]))
+    first = np.arange(time.size) % 2 == 0
+    signals = {n: np.interp(time, record.time, v, right=np.nan) for n, v in record.signals.items()}
+    signals[RATE], signals[RATE2] = np.where(first, signals[RATE], np.nan), np.where(first, np.nan, signals[RATE2])
+    assert Record(time=time, signals=signals).rate == pytest.approx(100, rel=0.01)
+    return Record(time=time, signals=signals)
 
 
-def test_a_steering_wheel_angle_is_found_by_its_magnitude(weaving):
-    alone = Record(time=weaving.time, signals={STEER: 40 * weaving.signals[STEER], "speed": weaving.signals["speed"]})
-    (finding,) = check(alone)
-    assert (finding.signal, finding.fault) == (STEER, Fault.STEERING_WHEEL)
+def repeated_and_quantised(record):
+    held = record.signals[STEER][np.arange(len(record)) // 10 * 10]
+    return record.with_signals({STEER: np.round(held / 0.002) * 0.002})
 
 
-@pytest.mark.parametrize("speed", [8.0, 28.0])
-@pytest.mark.parametrize(("rate", "noise"), [(10, 1), (100, 3), (20, 0)])
-def test_a_record_without_faults_passes(speed, rate, noise):
-    assert check(weaving_truck(speed=speed, rate=rate, noise=noise, seed=int(speed)), wheelbase=4.0) == ()
-
-
-def test_noise_in_straight_driving_is_not_judged(weaving):
+def straight(record):
+    """Noise, without a turn."""
     random = np.random.default_rng(1)
-    signals = {name: 1e-3 * random.standard_normal(len(weaving)) for name in weaving.signals}
-    straight = weaving.with_signals(signals | {"speed": weaving.signals["speed"]})
-    assert check(straight) == ()
-    assert check(straight.with_signals({STEER: np.zeros(len(weaving))})) == ()
+    signals = {name: 1e-3 * random.standard_normal(len(record)) for name in record.signals}
+    return record.with_signals(signals | {"speed": record.signals["speed"]})
 
 
-def test_a_repeated_and_quantised_steer_angle_is_not_stuck(weaving):
-    held = weaving.signals[STEER][np.arange(len(weaving)) // 10 * 10]
-    assert check(weaving.with_signals({STEER: np.round(held / 0.002) * 0.002})) == ()
+SOUND = {
+    "weaving slowly": lambda r: weaving_truck(speed=8.0, rate=10),
+    "weaving with noise": lambda r: weaving_truck(speed=28.0, rate=100, noise=3, seed=28),
+    "weaving without noise": lambda r: weaving_truck(speed=28.0, rate=20, noise=0),
+    "wheel speeds and roll rates": lambda r: with_wheels_and_roll(r),
+    "a slower channel": lambda r: r.with_signals(
+        {RATE2: np.where(np.arange(len(r)) % 10 == 3, r.signals[RATE2], np.nan)}
+    ),
+    "bursts": in_bursts,
+    "a repeated and quantised steer angle": repeated_and_quantised,
+    "noise in straight driving": straight,
+    "a steer angle of 0 in it": lambda r: straight(r).with_signals({STEER: np.zeros(len(r))}),
+    "hardly a sample": lambda r: r.cut(0, 0.03),
+    **{
+        f"only {names}": lambda r, names=names: Record(time=r.time, signals={n: r.signals[n] for n in names})
+        for names in ((STEER,), (RATE,), ("speed",), ("speed", STEER), (STEER, RATE), ("speed", RATE2, HITCH))
+    },
+}
 
 
-def test_a_channel_of_a_slower_rate_is_no_dropout(weaving):
-    slow = np.where(np.arange(len(weaving)) % 10 == 3, weaving.signals[RATE2], np.nan)
-    assert check(weaving.with_signals({RATE2: slow})) == ()
-
-
-def test_two_faults_at_once(weaving):
-    findings = check(spiked(scaled(STEER, -1)(weaving)))
-    assert [(f.signal, f.fault) for f in findings] == [(STEER, Fault.SWAPPED_SIGN), (RATE, Fault.SPIKE)]
-    assert str(findings[1]).startswith("warning: yaw_rate.tractor: 3 spikes left out, the first")
-
-
-def test_the_start_of_daylight_saving_time_is_named(weaving):
-    time = weaving.time + 3600.0 * (weaving.time > 20)
-    (finding,) = (f for f in check(Record(time=time, signals=weaving.signals)) if f.signal == "time")
-    assert "one hour, as at the start of daylight saving time" in finding.message
-
-
-def test_a_gap_of_the_time_base_is_found(weaving):
-    keep = (weaving.time < 10) | (weaving.time > 13)
-    with_gap = Record(time=weaving.time[keep], signals={n: v[keep] for n, v in weaving.signals.items()})
-    assert [(f.signal, f.fault) for f in check(with_gap)] == [("time", Fault.DROPOUT)]
-
-
-def test_records_with_few_signals_or_samples(weaving):
-    for names in ([STEER], [RATE], ["speed"], ["speed", STEER], [STEER, RATE], ["speed", RATE2, HITCH]):
-        assert check(Record(time=weaving.time, signals={n: weaving.signals[n] for n in names})) == ()
-    assert check(weaving.cut(0, 0.03)) == ()
-    assert isinstance(check(between("speed", 0, 99, np.nan)(weaving))[0], Finding)
-
-
-MAP = """
-[signals]
-speed = "vx"
-"steer.tractor.front" = "steer_ang"
-"yaw_rate.tractor" = "yaw_rate"
-"articulation.semitrailer" = "hitch"
-"lateral_acceleration.tractor" = "imu_accel_y"
-"yaw_rate.semitrailer" = {sum = ["yaw_rate", "hitch_rate"]}
-[reference]
-"lateral_velocity.tractor" = "vy"
-"""
+@pytest.mark.parametrize("case", SOUND)
+def test_a_record_without_faults_passes(weaving, case):
+    assert check(SOUND[case](weaving), wheelbase=4.0) == ()
 
 
 @pytest.mark.parametrize("run", ["run01_s_bend", "run02_exit_ramp"])
 def test_a_real_truck_has_no_errors(data, run):
-    record = read_log(data / "real_truck" / f"{run}.csv", SignalMap.parse(MAP))
+    names = {"speed": "vx", STEER: "steer_ang", RATE: "yaw_rate", HITCH: "hitch", ACCELERATION: "imu_accel_y"}
+    names[RATE2] = {"sum": ["yaw_rate", "hitch_rate"]}
+    source = {"signals": names, "reference": {"lateral_velocity.tractor": "vy"}}
+    record = read_log(data / "real_truck" / f"{run}.csv", SignalMap.model_validate(source))
     assert list(record.reference) == ["lateral_velocity.tractor"]
     findings = check(record)
     raise_errors(findings)
     assert {(f.signal, f.fault) for f in findings} <= {(ACCELERATION, Fault.SPIKE)}
-
-
-@pytest.mark.parametrize("signal", [STEER, RATE, RATE2, HITCH, ACCELERATION])
-def test_a_real_truck_with_a_swapped_sign(data, signal):
-    record = read_log(data / "real_truck" / "run02_exit_ramp.csv", SignalMap.parse(MAP))
-    errors = [f for f in check(scaled(signal, -1)(record)) if f.severity == "error"]
-    assert [(f.signal, f.fault) for f in errors] == [(signal, Fault.SWAPPED_SIGN)]
+    for signal in (STEER, RATE, RATE2, HITCH, ACCELERATION) if run == "run02_exit_ramp" else ():
+        errors = [f for f in check(scaled(signal, -1)(record)) if f.severity == "error"]
+        assert [(f.signal, f.fault) for f in errors] == [(signal, Fault.SWAPPED_SIGN)]
 
 
 def with_wheels_and_roll(record, *, wheel=1.0, roll=1.0):
     """With wheel speeds, and the roll rate of a body that rolls by 0.03 rad at 1 m/s^2, multiplied by the factors."""
     random = np.random.default_rng(3)
-    speed, sideways = record.signals["speed"], record.signals["speed"] * record.signals[RATE]
-    smooth = np.convolve(sideways, np.ones(25) / 25)[
-        : len(record)
-    ]  # the body rolls with a lag of a quarter of a second
+    speed = record.signals["speed"]
+    smooth = np.convolve(speed * record.signals[RATE], np.ones(25) / 25)[: len(record)]  # with a lag
     roll_rate = 0.03 * np.gradient(smooth, record.time) + 0.005 * random.standard_normal(len(record))
-    return record.with_signals(
-        {"wheel_speed.tractor.front.left": wheel * speed, "roll_rate.semitrailer": roll * roll_rate}
-    )
-
-
-def test_consistent_wheel_speeds_and_roll_rates_pass(weaving):
-    assert check(with_wheels_and_roll(weaving)) == ()
-
-
-@pytest.mark.parametrize(
-    ("factors", "fault", "signal"),
-    [
-        ({"roll": -1}, Fault.SWAPPED_SIGN, "roll_rate.semitrailer"),
-        ({"roll": 180 / np.pi}, Fault.DEGREES, "roll_rate.semitrailer"),
-        ({"wheel": 3.6}, Fault.UNIT, "wheel_speed.tractor.front.left"),
-        ({"wheel": 0.5}, Fault.UNIT, "speed"),
-    ],
-)
-def test_inconsistent_wheel_speeds_and_roll_rates_are_found(weaving, factors, fault, signal):
-    errors = [f for f in check(with_wheels_and_roll(weaving, **factors)) if f.severity == "error"]
-    assert [(f.signal, f.fault) for f in errors][:1] == [(signal, fault)]
-
-
-def test_a_slow_run_in_km_per_h(weaving):
-    slow = with_wheels_and_roll(weaving_truck(speed=9.0))
-    fast = slow.with_signals({"speed": 3.6 * slow.signals["speed"]})
-    assert [(f.signal, f.fault) for f in check(fast) if f.fault is Fault.UNIT][:1] == [("speed", Fault.UNIT)]
-
-
-def test_a_corrupted_timestamp_is_found_without_much_memory(weaving):
-    time = np.append(weaving.time[:-1], 4e12)
-    findings = check(Record(time=time, signals=weaving.signals))
-    assert [(f.signal, f.fault) for f in findings] == [("time", Fault.DROPOUT)]
-    with_gap = Record(time=time, signals=between(RATE, 3, 3.1, np.nan)(weaving).signals)
-    assert {f.fault for f in check(with_gap)} == {Fault.DROPOUT}
-
-
-def test_messages_that_come_in_bursts_are_complete(weaving):
-    """Two gyros 1 ms apart, as on a bus, and inputs between their samples."""
-    time = np.sort(np.concatenate([weaving.time, weaving.time + 1e-3]))
-    first = np.arange(time.size) % 2 == 0
-    signals = {n: np.interp(time, weaving.time, v, right=np.nan) for n, v in weaving.signals.items()}
-    signals[RATE], signals[RATE2] = np.where(first, signals[RATE], np.nan), np.where(first, np.nan, signals[RATE2])
-    record = Record(time=time, signals=signals)
-    assert check(record) == ()
-    assert record.rate == pytest.approx(100, rel=0.01)
-
-
-def wheels(ratio, speed=20.0, count=TIME.size):
-    speeds = np.full(TIME.size, speed)
-    wheel = np.where(np.arange(TIME.size) < count, ratio * speeds, np.nan)
-    return of(speed=speeds, wheel_speed__tractor__front__left=wheel)
-
-
-@pytest.mark.parametrize(
-    ("ratio", "signal", "remedy"),
-    [
-        (0.86, None, {}),
-        (0.84, "speed", {}),
-        (1.17, None, {}),
-        (1.19, "speed", {}),
-        (3.19, "speed", {}),
-        (3.21, "wheel_speed.tractor.front.left", {"unit": "km/h"}),
-        (3.99, "wheel_speed.tractor.front.left", {"unit": "km/h"}),
-        (4.01, "speed", {}),
-        (0.32, "speed", {}),
-        (0.3, "speed", {"unit": "km/h"}),
-        (0.26, "speed", {"unit": "km/h"}),
-        (0.24, "speed", {}),
-    ],
-)
-def test_wheel_speeds(ratio, signal, remedy):
-    found = [(f.signal, f.fault, dict(f.remedy)) for f in check(wheels(ratio, speed=10.0)) if f.fault is Fault.UNIT]
-    assert found == ([(signal, Fault.UNIT, remedy)] if signal else [])
-
-
-def test_wheel_speeds_are_compared_where_the_truck_moves():
-    def found(record):
-        return any(f.fault is Fault.UNIT for f in check(record))
-
-    assert not found(wheels(2.0, speed=0.4))
-    assert found(wheels(2.0, speed=0.6))
-    assert not found(wheels(0.7, speed=0.6))  # the wheel stands
-    assert not found(wheels(2.0, count=9))
-    assert found(wheels(2.0, count=10))
+    return record.with_signals({WHEEL: wheel * speed, ROLL: roll * roll_rate})
 
 
 def test_the_speed_is_high_enough_and_positive():
@@ -372,53 +272,16 @@ def test_the_speed_is_high_enough_and_positive():
     assert "start = 10.02 and stop = 29.98" in finding.message
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "fault"),
-    [
-        ("roll_rate.tractor", 1.9, None),
-        ("roll_rate.tractor", 2.1, Fault.DEGREES),
-        ("roll_rate.tractor", 114.0, Fault.DEGREES),
-        ("roll_rate.tractor", 116.0, Fault.OUT_OF_RANGE),
-        ("lateral_acceleration.tractor", 12.1, Fault.OUT_OF_RANGE),
-        ("steer.tractor.front", 1.3, Fault.STEERING_WHEEL),
-        ("steer.tractor.front", 15.9, Fault.STEERING_WHEEL),
-        ("steer.tractor.front", 16.1, Fault.DEGREES),
-        ("steer.tractor.front", 68.0, Fault.DEGREES),
-        ("steer.tractor.front", 69.0, Fault.OUT_OF_RANGE),
-        ("speed", 44.0, None),
-        ("speed", 46.0, Fault.UNIT),
-        ("speed", 161.0, Fault.UNIT),
-        ("speed", 163.0, Fault.OUT_OF_RANGE),
-    ],
-)
-def test_the_range_of_a_quantity(name, value, fault):
-    """Beyond what a truck can do; degrees and km/h where they explain it."""
-    values = value * np.where(np.arange(TIME.size) % 50 < 25, 1.0, 0.99)
-    record = of(**{name.replace(".", "__"): values})
-    record = replace(record, signals={n: v for n, v in record.signals.items() if n in (name, "speed")})
-    faults = {f.fault for f in check(record) if f.signal == name}
-    assert faults == ({fault} if fault else set())
-    for finding in check(record):
-        of_wheel = finding.fault is Fault.DEGREES and name.startswith("steer")
-        assert ("gain = 1 / steering ratio if it is" in finding.message) == of_wheel
-    few = np.where(np.arange(TIME.size) % 110 == 0, values, 1.0 if name != "speed" else 20.0)
-    assert not {Fault.OUT_OF_RANGE, Fault.DEGREES, Fault.UNIT} & {
-        f.fault for f in check(record.with_signals({name: few}))
-    }
-
-
 def test_the_time_base():
     """A pause above half a second and five steps; at most 20 kHz."""
-
-    def found(time):
-        return [(f.fault, f.severity) for f in check(Record(time=time, signals={"speed": np.full(time.size, 20.0)}))]
-
-    for pause, expected in ((0.49, []), (0.51, [(Fault.DROPOUT, "warning")])):
-        assert found(np.r_[np.arange(50), 49 + np.arange(50) + pause / 0.02] * 0.02) == expected
-    for pause, expected in ((0.99, []), (1.01, [(Fault.DROPOUT, "warning")])):
-        assert found(np.r_[np.arange(50), 49 + np.arange(50) + pause / 0.2] * 0.2) == expected
-    for rate, expected in ((1.9e4, []), (2.1e4, [(Fault.UNIT, "error")])):
-        assert found(np.arange(1000) / rate) == expected
+    pauses = [(step, limit + edge, edge > 0) for step, limit in ((0.02, 0.5), (0.2, 1.0)) for edge in (-0.01, 0.01)]
+    for step, pause, found in pauses:
+        time = step * np.r_[np.arange(50), 49 + np.arange(50) + pause / step]
+        findings = check(Record(time=time, signals={"speed": np.full(time.size, 20.0)}))
+        assert [f.fault for f in findings] == [Fault.DROPOUT] * found
+    for rate, found in ((1.9e4, False), (2.1e4, True)):
+        findings = check(Record(time=np.arange(1000) / rate, signals={"speed": np.full(1000, 20.0)}))
+        assert [(f.fault, f.severity) for f in findings] == [(Fault.UNIT, "error")] * found
 
 
 def test_the_same_samples_twice():
@@ -443,12 +306,12 @@ def test_the_same_samples_twice():
     assert found(np.ones(n), np.ones(n)) == []
 
 
-@pytest.mark.parametrize("digits", [16, 4])
-def test_roll_angles_of_a_stiff_coupling_are_no_copies(digits):
+def test_roll_angles_of_a_stiff_coupling_are_no_copies():
     """Results of a simulation, without noise: about 5 % more roll of the semitrailer, in proportion."""
     truck = fw.vehicle("cheng_cebon_2011")
     record = fw.simulate(truck, manoeuvre="slowly_increasing_steer", seed=1)
-    rolls = {f"roll.{unit}": np.round(record.reference[f"roll.{unit}"], digits) for unit in ("tractor", "semitrailer")}
-    assert not check(record.with_signals(rolls))
-    (same,) = check(record.with_signals(rolls | {"roll.semitrailer": rolls["roll.tractor"]}))
-    assert (same.fault, same.others) == (Fault.DUPLICATE, ("roll.tractor",))
+    for digits in (16, 4):
+        rolls = {f"roll.{unit.name}": np.round(record.reference[f"roll.{unit.name}"], digits) for unit in truck.units}
+        assert not check(record.with_signals(rolls))
+        (same,) = check(record.with_signals(rolls | {"roll.semitrailer": rolls["roll.tractor"]}))
+        assert (same.fault, same.others) == (Fault.DUPLICATE, ("roll.tractor",))

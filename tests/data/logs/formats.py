@@ -51,19 +51,6 @@ def _plain(record: Record, path: Path) -> None:
     write_record(record, path)
 
 
-def _german(record: Record, path: Path) -> None:
-    """Decimal commas, degrees, km/h, a preamble, a row of units, another code page."""
-    units = {"speed": ("km/h", 3.6)}
-    columns = {"Zeit": record.time}
-    written = ["s"]
-    for name, values in record.signals.items():
-        unit, factor = units.get(name, ("°" if name.startswith("steer") else "°/s", 180 / np.pi))
-        columns[name], written = values * factor, [*written, unit]
-    lines = ["Messung;17", "", ";".join(columns), ";".join(written)]
-    lines += [";".join(f"{x:.12g}".replace(".", ",") for x in row) for row in zip(*columns.values(), strict=True)]
-    path.write_text("\n".join(lines) + "\n", encoding="cp1252")
-
-
 def _mf4(record: Record, path: Path) -> None:
     from asammdf import MDF, Signal
 
@@ -182,7 +169,6 @@ _TOPIC = "[signals]\n" + "".join(
 FORMATS: dict[str, tuple[Callable[[Record, Path], None], str]] = {
     "drive.csv": (_plain, ""),
     "drive.parquet": (_plain, ""),
-    "german.csv": (_german, ""),
     "drive.mf4": (_mf4, ""),
     "v5.mat": (_mat5, _FLAT),
     "v73.mat": (_mat73, _FLAT),

@@ -1,5 +1,4 @@
 import codecs
-import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -39,9 +38,8 @@ def records(draw):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-@settings(max_examples=20, deadline=None)
-@given(record=records())
+@settings(max_examples=10, deadline=None)
+@given(record=records(), suffix=st.sampled_from([".csv", ".parquet"]))
 def test_a_written_record_is_read_equal(tmp_path_factory, suffix, record):
     assume(all(without_spikes(part) is part for part in (record, replace(record, signals=record.reference))))
     path = tmp_path_factory.mktemp("trip") / f"run{suffix}"
@@ -49,45 +47,38 @@ def test_a_written_record_is_read_equal(tmp_path_factory, suffix, record):
     back = read_log(path, SignalMap.parse("[time]\nrate = inf"))
     assert back == record
     assert list(back.signals) == list(record.signals)
-    assert back.name == "run"
-    assert back.notes == ()
+    assert (back.name, back.notes) == ("run", ())
     assert [file.name for file in path.parent.iterdir()] == [path.name]
-
-
-def test_names_and_units_in_the_header(tmp_path):
-    record = read_content(tmp_path, GOOD)
-    assert record.signals["speed"] == pytest.approx([10, 20, 10])
-    assert record.signals["yaw_rate.tractor"] == pytest.approx([np.pi / 180, np.nan, np.pi / 60], nan_ok=True)
-    assert record.reference["sideslip.semitrailer"] == pytest.approx([0.1, 0.2, 0.3])
-    assert record.name == "log"
-    assert read_content(tmp_path, GOOD, name="x", signals=None).name == "x"
 
 
 GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,")
 
 
+DIALECTS = [
+    GERMAN,
+    GOOD.replace(",", "\t"),
+    GOOD.replace("\n", "\r\n"),
+    GOOD.replace("\n", "\r"),
+    "# made by hand\n\n# twice\n" + GOOD.replace("0.1,72", "# in between\n0.1,72"),
+    GOOD.replace("deg/s", "°/s"),
+    GOOD.replace("deg/s", "°/s").encode("latin-1"),
+    codecs.BOM_UTF8 + GOOD.encode(),
+    GOOD.encode("utf-16"),
+    codecs.BOM_UTF16_BE + GOOD.encode("utf-16-be"),
+    GOOD.replace("time,", '"t [ms]",').replace("0.1,72", "100,72").replace("0.2,36", "+200,36"),
+    GOOD.replace("72,,", "72, NaN ,"),
+    "# " + GOOD.replace(",note", "").replace(",a", "").replace(",b", "").replace(",c", "").replace(",,", ",nan,"),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "content",
-    [
-        GERMAN,
-        GOOD.replace(",", "\t"),
-        GOOD.replace("\n", "\r\n"),
-        GOOD.replace("\n", "\r"),
-        "# made by hand\n\n# twice\n" + GOOD.replace("0.1,72", "# in between\n0.1,72"),
-        GOOD.replace("deg/s", "°/s"),
-        GOOD.replace("deg/s", "°/s").encode("latin-1"),
-        codecs.BOM_UTF8 + GOOD.encode(),
-        GOOD.encode("utf-16"),
-        codecs.BOM_UTF16_BE + GOOD.encode("utf-16-be"),
-        GOOD.replace("time,", '"t [ms]",').replace("0.1,72", "100,72").replace("0.2,36", "+200,36"),
-        GOOD.replace("72,,", "72, NaN ,"),
-        "# " + GOOD.replace(",note", "").replace(",a", "").replace(",b", "").replace(",c", "").replace(",,", ",nan,"),
-    ],
-    ids=str,
-)
-def test_dialects_of_csv(tmp_path, content):
-    assert read_content(tmp_path, content) == read_content(tmp_path, GOOD, name="good.csv")
+def test_dialects_of_csv(tmp_path):
+    good = read_content(tmp_path, GOOD)
+    assert good.signals["speed"] == pytest.approx([10, 20, 10])
+    assert good.signals["yaw_rate.tractor"] == pytest.approx([np.pi / 180, np.nan, np.pi / 60], nan_ok=True)
+    assert good.reference["sideslip.semitrailer"] == pytest.approx([0.1, 0.2, 0.3])
+    for content in DIALECTS:
+        assert read_content(tmp_path, content) == good, content
 
 
 def test_text_cells_are_missing_and_noted(tmp_path):
@@ -96,12 +87,6 @@ def test_text_cells_are_missing_and_noted(tmp_path):
     assert record.notes == ("1 cells of column 'speed' are no numbers, such as 'fault': taken as missing",)
     with pytest.raises(SignalError, match=r"column 'speed' is mostly text \(2 of 3 cells, such as 'fast'\)"):
         read_content(tmp_path, GOOD.replace("36", "fast"))
-
-
-def test_a_column_of_text_is_refused_also_with_windows_left_out(tmp_path):
-    rows = "".join(f"{k / 10},word\n" for k in range(20))
-    with pytest.raises(SignalError, match="column 'speed' is mostly text"):
-        read_content(tmp_path, "time,speed\n" + rows, exclude=[(0.5, 1.0)])
 
 
 def test_incomplete_lines_and_lines_without_time_are_left_out_and_noted(tmp_path):
@@ -136,59 +121,13 @@ def test_files_without_a_usable_log_are_refused(tmp_path, content, message):
 
 
 def test_missing_files_and_unknown_formats(tmp_path, weaving):
-    with pytest.raises(SignalError, match="cannot be read"):
-        read_log(tmp_path / "none.csv")
-    with pytest.raises(SignalError, match="cannot be read"):
-        read_log(tmp_path)
+    for path in (tmp_path / "none.csv", tmp_path):
+        with pytest.raises(SignalError, match="cannot be read"):
+            read_log(path)
     with pytest.raises(SignalError, match=r"end the name in \.csv or \.parquet"):
         write_record(weaving, tmp_path / "run.xlsx")
     with pytest.raises(SignalError, match="cannot be written"):
         write_record(weaving, tmp_path / "no" / "run.csv")
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, weaving, monkeypatch):
-    path = tmp_path / "run.parquet"
-    write_record(weaving, path)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(SignalError, match="No space left"):
-        write_record(weaving.cut(0, 1), path)
-    assert read_log(path) == weaving
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_file_cut_anywhere(tmp_path, suffix):
-    complete = read_content(tmp_path, GOOD)
-    write_record(complete, tmp_path / f"complete{suffix}")
-    data = (tmp_path / f"complete{suffix}").read_bytes()
-    kept = 0
-    for size in range(0, len(data), 1 + len(data) // 50):
-        try:
-            record = read_content(tmp_path, data[:size], name="short")
-        except SignalError:
-            continue
-        kept += 1
-        assert record == complete.cut(*record.span)
-    assert (kept > 0) == (suffix == ".csv")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-@settings(max_examples=30, deadline=None)
-@given(at=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
-def test_a_wrong_byte_is_a_record_or_refused(tmp_path_factory, suffix, at, value):
-    path = tmp_path_factory.mktemp("wrong") / f"run{suffix}"
-    write_record(Record(time=[0.0, 0.1, 0.2], signals={"speed": [10.0, np.nan, 20.0]}), path)
-    data = bytearray(path.read_bytes())
-    data[int(at * len(data))] = value
-    path.write_bytes(data)
-    with contextlib.suppress(SignalError):
-        assert isinstance(read_log(path), Record)
 
 
 def test_parquet_of_other_writers(tmp_path):

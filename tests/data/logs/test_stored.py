@@ -12,11 +12,10 @@ from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.signal_map import SignalMap
 from fifthwheel.data.logs.source import Chunk, Column, LogSource
 from fifthwheel.data.logs.stored import StoredLog, store_log
-from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from tests.data.logs.formats import FORMATS, stored
+from tests.data.logs.formats import stored
 
 TIME = np.arange(600_000) / 1000.0
 
@@ -60,26 +59,6 @@ def test_the_date_of_a_recording_is_that_of_its_header(tmp_path):
         assert Occasion(date=datetime.now(UTC)).date_of([record]) == date + timedelta(seconds=1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(FORMATS))
-def test_the_record_of_stored_samples_is_that_of_the_file(tmp_path, name):
-    path, signal_map = stored(simulate(get("cheng_cebon_2011"), count=1, seed=1), tmp_path, name)
-    (tmp_path / "samples").mkdir()
-    with open_log(path, signal_map.databases) as log:
-        store_log(log, tmp_path / "samples")
-        direct, survey = record_of(log, signal_map, name="run"), survey_log(log)
-    again = StoredLog(tmp_path / "samples")
-    record = record_of(again, signal_map, name="run")
-    np.testing.assert_array_equal(record.time, direct.time)
-    assert record.signals.keys() == direct.signals.keys()
-    for signal, values in direct.signals.items():
-        np.testing.assert_array_equal(record.signals[signal], values)
-    assert (record.notes, record.time_bases, record.date) == (direct.notes, direct.time_bases, direct.date)
-    for column, content in survey_log(again).contents.items():
-        assert content.samples == survey.contents[column].samples
-        assert content.low == pytest.approx(survey.contents[column].low, nan_ok=True)
-
-
 def test_every_zoom_shows_the_extremes_and_the_gap(long_log):
     for start, stop in ((0.0, 600.0), (100.0, 400.0), (123.0, 124.0), (123.456, 123.456)):
         time, values = long_log.window("y", start, stop)
@@ -93,31 +72,6 @@ def test_every_zoom_shows_the_extremes_and_the_gap(long_log):
     np.testing.assert_allclose(values, np.sin(time), atol=1e-12)
     assert time[0] <= 200.0
     assert time[-1] >= 201.0
-
-
-def test_a_zoom_outside_the_log_is_empty_or_its_end(long_log):
-    for start, stop in ((-20.0, -10.0), (700.0, 800.0)):
-        assert len(long_log.window("y", start, stop)[0]) <= 1
-    assert np.isnan(long_log.window("text", 0.0, 600.0)[1]).all()
-
-
-def test_time_is_in_seconds_and_never_decreases(long_log):
-    axis = long_log.axis("")
-    assert long_log.span() == (0.0, pytest.approx(599.999))
-    assert (np.diff(axis) >= 0).all()
-    assert axis[50_000] == axis[49_999]
-
-
-def test_a_span_gives_the_samples_in_it(long_log):
-    part = StoredLog(long_log._folder, (10.0, 12.0))
-    values = np.concatenate([chunk.values["y"] for chunk in part.chunks(["y"])])
-    np.testing.assert_array_equal(values, np.sin(TIME[10_000:12_001]))
-
-
-def test_the_most_active_window_has_the_spike_or_the_whole_log(long_log):
-    start, stop = long_log.most_active("y", 0.5)
-    assert start <= 123.456 <= stop
-    assert long_log.most_active("y", 1000.0) == long_log.span()
 
 
 def test_windows_are_left_out_by_the_time_of_the_log(long_log):
@@ -141,16 +95,29 @@ def test_windows_are_left_out_of_channels_with_their_own_time(tmp_path):
 def test_an_incomplete_folder_is_refused(tmp_path):
     with pytest.raises(OSError, match="index"):
         StoredLog(tmp_path)
-    with pytest.raises(SignalError, match="no column 'x'"):
-        next(StoredLog(_empty(tmp_path)).chunks(["x"]))
-
-
-def _empty(folder):
     log = _Table()
     log.chunks = lambda columns: iter(())
-    store_log(log, folder)
-    assert StoredLog(folder).span() == (0.0, 1.0)
-    return folder
+    store_log(log, tmp_path)
+    assert StoredLog(tmp_path).span() == (0.0, 1.0)
+    with pytest.raises(SignalError, match="no column 'x'"):
+        next(StoredLog(tmp_path).chunks(["x"]))
+
+
+def test_parts_of_a_log(long_log):
+    """Its axis, the samples in a span, the window with the spike, zooms outside of it."""
+    axis = long_log.axis("")
+    assert long_log.span() == (0.0, pytest.approx(599.999))
+    assert (np.diff(axis) >= 0).all()
+    assert axis[50_000] == axis[49_999]
+    part = StoredLog(long_log._folder, (10.0, 12.0))
+    values = np.concatenate([chunk.values["y"] for chunk in part.chunks(["y"])])
+    np.testing.assert_array_equal(values, np.sin(TIME[10_000:12_001]))
+    start, stop = long_log.most_active("y", 0.5)
+    assert start <= 123.456 <= stop
+    assert long_log.most_active("y", 1000.0) == long_log.span()
+    for start, stop in ((-20.0, -10.0), (700.0, 800.0)):
+        assert len(long_log.window("y", start, stop)[0]) <= 1
+    assert np.isnan(long_log.window("text", 0.0, 600.0)[1]).all()
 
 
 def test_an_axis_leaves_out_spikes_and_no_manoeuvre(tmp_path):

@@ -18,7 +18,7 @@ TRUCK = fw.vehicle("cheng_cebon_2011")
 FIRST, LAST = (unit.name for unit in TRUCK.units)
 STEER, YAW, TRAILER, ROLL = f"steer.{FIRST}.front", f"yaw_rate.{FIRST}", f"yaw_rate.{LAST}", f"roll_rate.{LAST}"
 PARTS = 1
-"""Of 100 styles. With 5, all but 20 of 500 styles give the record, and none is silently wrong."""
+"""Of 50 styles. Of 500 other ones, all but 20 gave the record, and none was silently wrong."""
 SIGNALS = ("speed", STEER, YAW, TRAILER, ROLL)
 NAMES = (
     ("Speed", "RoadWheelAngle", "YawRate", "TrailerYawRate", "TrailerRollRate"),
@@ -151,9 +151,9 @@ def wrong(record: fw.Record, known: fw.Record) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_a_known_log_in_drawn_styles(part, known, tmp_path):
-    """At least 96 of 100 styles give the record; no other one is wrong without an error, a caution or a note."""
+    """At least 48 of 50 styles give the record; no other one is wrong without an error, a caution or a note."""
     refused, silent = [], []
-    for k in range(100):
+    for k in range(50):
         text, style = written(known, np.random.default_rng([part, k]))
         path = tmp_path / f"style_{k}.csv"
         path.write_text(text, encoding="utf-8", newline="")
@@ -169,4 +169,4 @@ def test_a_known_log_in_drawn_styles(part, known, tmp_path):
             named = [signal for signal in off if any(signal in text for text in said)]
             (refused if len(named) == len(off) else silent).append(f"{style}: {off}; {said}")
     assert not silent, "\n".join(silent)
-    assert len(refused) <= 4, "\n".join(refused)
+    assert len(refused) <= 2, "\n".join(refused)

@@ -26,14 +26,7 @@ def test_increasing_timestamps_are_kept(time, kept):
     assert time[timestamps.keep("c", time)].tolist() == kept
     assert timestamps.dropped == time.size - len(kept)
     assert len(timestamps.notes) == (timestamps.dropped > 0)
-
-
-def test_several_time_bases_are_independent():
-    timestamps = TimestampFilter()
-    assert timestamps.keep("a", np.array([0.0, 1.0])).all()
-    assert timestamps.keep("b", np.array([0.5])).all()
-    assert timestamps.keep("a", np.array([0.9, 1.0, 1.5])).tolist() == [False, False, True]
-    assert timestamps.keep("b", np.array([0.6])).all()
+    assert timestamps.keep("another time base", np.array([-9.0])).all()
 
 
 TIME = np.arange(3000) / 100
@@ -55,10 +48,15 @@ def logged(rate, course=weave, *, phase=0.3, jitter=0.0, noise=0.0, step=0.0, ti
     return latest, values[latest]
 
 
-@pytest.mark.parametrize("rate", [5, 10, 20, 25, 100 / 3, 40, 50])
-@pytest.mark.parametrize("jitter", [0.0, 0.001, 0.003])
-def test_the_samples_are_the_rows_in_which_messages_appear(rate, jitter):
-    latest, values = logged(rate, jitter=jitter, step=1e-5)
+@settings(deadline=None, max_examples=40)
+@given(
+    rate=st.sampled_from([5, 10, 20, 25, 100 / 3, 40, 50]),
+    jitter=st.sampled_from([0.0, 0.001, 0.003]),
+    phase=st.floats(0, 0.99),
+)
+def test_the_samples_are_the_rows_in_which_messages_appear(rate, jitter, phase):
+    """Also where the course is constant, so that an interpolation does not begin at the last change."""
+    latest, values = logged(rate, jitter=jitter, step=1e-5, phase=phase)
     held = held_samples(TIME, values)
     assert held is not None
     assert held.rate == pytest.approx(rate, rel=0.03)
@@ -70,22 +68,7 @@ def test_the_samples_are_the_rows_in_which_messages_appear(rate, jitter):
     rows = np.searchsorted(TIME, held.time - 1e-6)
     np.testing.assert_array_equal(held.values, values[rows])
     np.testing.assert_allclose(held.time, TIME[rows], atol=1e-9)
-
-
-@settings(deadline=None)
-@given(phase=st.floats(0, 0.99), rate=st.sampled_from([10, 20, 50]), step=st.sampled_from([0.0, 1e-4]))
-def test_the_phase_of_the_messages_does_not_count(phase, rate, step):
-    held = held_samples(TIME, logged(rate, phase=phase, step=step)[1])
-    assert held is not None
-    assert held.rate == pytest.approx(rate, rel=0.03)
-
-
-def test_a_constant_part_keeps_its_samples():
-    """So that an interpolation does not begin at the last change."""
-    held = held_samples(TIME, logged(20)[1])
-    assert held is not None
-    assert np.diff(held.time).max() < 0.065
-    assert not held.values[held.time < 9.9].any()
+    assert np.diff(held.time).max() < 1 / rate + 0.015 + 10 * jitter
 
 
 STEP = 1 / 256 / 3.6
@@ -103,30 +86,23 @@ NOT_HELD = {
 
 
 @pytest.mark.parametrize("case", NOT_HELD)
-@pytest.mark.parametrize("seed", range(5))
-def test_what_is_not_held(case, seed):
+def test_what_is_not_held(case):
     time = NOT_HELD[case].get("time", TIME)
-    assert held_samples(time, logged(**NOT_HELD[case], seed=seed, phase=0.1 + 0.2 * seed)[1]) is None
+    for seed in range(3):
+        assert held_samples(time, logged(**NOT_HELD[case], seed=seed, phase=0.1 + 0.4 * seed)[1]) is None
 
 
-def test_values_on_change_at_random_are_not_held():
+def test_values_that_are_not_held():
+    """On change at random, damaged, and with blanks between the samples."""
     rng = np.random.default_rng(0)
-    values = np.repeat(rng.normal(size=600), rng.geometric(0.2, size=600))
-    assert held_samples(np.arange(values.size) / 100, values) is None
+    at_random = np.repeat(rng.normal(size=600), rng.geometric(0.2, size=600))
+    damaged = rng.choice([-1.7e308, 1.0, 1.7e308], size=TIME.size) * rng.uniform(size=TIME.size)
+    blanks = np.where(np.arange(TIME.size) % 5 == 2, weave(TIME), np.nan)
+    for values in (at_random, damaged, blanks):
+        assert held_samples(np.arange(values.size) / 100, values) is None
 
 
-def test_damaged_values_are_no_error():
-    rng = np.random.default_rng(0)
-    values = rng.choice([-1.7e308, 1.0, 1.7e308], size=TIME.size) * rng.uniform(size=TIME.size)
-    assert held_samples(TIME, values) is None
-
-
-def test_a_channel_with_blanks_between_its_samples_is_not_held():
-    values = np.where(np.arange(TIME.size) % 5 == 2, weave(TIME), np.nan)
-    assert held_samples(TIME, values) is None
-
-
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(0, 3000), max_size=20))
 def test_pieces_make_no_difference(cuts):
     values = logged(20, step=1e-4)[1]

@@ -33,30 +33,28 @@ def log_of(*rows: tuple, databases=(), batch: int = 1000) -> CanLog:
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_known_values_come_back_from_every_format(tmp_path, kind):
+    """Of two gyros on one bus."""
     time = 1.7e9 + 0.01 * np.arange(300)
     rate = 0.3 * np.sin(np.arange(300) / 20)
-    rows = [message(at, VDC2_0B, vdc2(w)) for at, w in zip(time, rate, strict=True)]
+    pairs = list(zip(time, rate, strict=True))
+    rows = [
+        message(at + late, number, vdc2(w + more))
+        for at, w in pairs
+        for number, late, more in ((VDC2_0B, 0.0, 0.0), (VDC2_3E, 0.001, 0.1))
+    ]
     told = []
     log = readers.open_log(write(tmp_path / f"a.{kind}", rows), progress=told.append)
     assert log.columns["VDC2.yaw_rate@0B"].unit == "rad/s"
     assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"
-    assert log.find("VDC2.yaw_rate") == "VDC2.yaw_rate@0B"
-    at, values = read(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"]
+    with pytest.raises(SignalError, match="several sources"):
+        log.find("VDC2.yaw_rate")
+    found = read(log, "VDC2.yaw_rate@0B", "VDC2.yaw_rate@3E")
+    at, values = found["VDC2.yaw_rate@0B"]
     assert np.allclose(values, rate, atol=0.51 / 8192)
+    assert np.allclose(found["VDC2.yaw_rate@3E"][1], rate + 0.1, atol=0.51 / 8192)
     assert np.allclose(at - at[0], time - time[0], atol=1e-3)
     assert told[-1] == 1.0
     assert read(log, "VDC2.yaw_rate@0B").keys() == {"VDC2.yaw_rate@0B"}  # and once more
-
-
-def test_two_gyros_on_one_bus_are_told_apart():
-    log = log_of(
-        *((0.01 * k, number, vdc2(rate)) for k in range(9) for number, rate in ((VDC2_0B, 0.1), (VDC2_3E, 0.2)))
-    )
-    found = read(log, "VDC2.yaw_rate@0B", "VDC2.yaw_rate@3E")
-    assert np.allclose(found["VDC2.yaw_rate@0B"][1], 0.1, atol=1e-4)
-    assert np.allclose(found["VDC2.yaw_rate@3E"][1], 0.2, atol=1e-4)
-    with pytest.raises(SignalError, match="several sources"):
-        log.find("VDC2.yaw_rate")
 
 
 def test_a_message_on_two_buses_has_the_bus_in_its_name(tmp_path):
@@ -77,26 +75,19 @@ def test_a_message_on_two_buses_has_the_bus_in_its_name(tmp_path):
     assert (found["Motor.Speed@:2"][1] == 1000.0).all()
 
 
-@pytest.mark.parametrize(
-    ("raw", "good"), [(0xFAFF, True), (0xFB00, False), (0xFE12, False), (0xFFFF, False), (0, True)]
-)
-def test_error_and_not_available_are_nan(raw, good):
-    payload = b"\xff\xff\xff" + raw.to_bytes(2, "little") + b"\xff\xff\xff"
-    log = log_of(*((0.01 * k, VDC2_0B, payload) for k in range(3)))
-    found = read(log, *log.columns)
-    assert np.isfinite(found["VDC2.yaw_rate@0B"][1]).all() == good
-    assert np.isnan(found["VDC2.steering_wheel_turn_counter@0B"][1]).all()
-    assert np.isnan(found["VDC2.longitudinal_acceleration@0B"][1]).all()
-
-
-def test_11_bits_know_no_value_that_means_none(tmp_path):
+def test_error_and_not_available_are_nan(tmp_path):
+    """Not in a message with 11 bits. A short frame has the signals that fit."""
+    for raw, good in ((0xFAFF, True), (0xFB00, False), (0xFE12, False), (0xFFFF, False), (0, True)):
+        payload = b"\xff\xff\xff" + raw.to_bytes(2, "little") + b"\xff\xff\xff"
+        log = log_of(*((0.01 * k, VDC2_0B, payload) for k in range(3)))
+        found = read(log, *log.columns)
+        assert np.isfinite(found["VDC2.yaw_rate@0B"][1]).all() == good
+        assert np.isnan(found["VDC2.steering_wheel_turn_counter@0B"][1]).all()
+        assert np.isnan(found["VDC2.longitudinal_acceleration@0B"][1]).all()
     path = tmp_path / "a.dbc"
     path.write_text(DBC)
     log = log_of((0.0, 100, b"\xff" * 8), (0.1, 100, b"\xff" * 8), databases=[path])
     assert (read(log, "Motor.Speed")["Motor.Speed"][1] == 0.25 * 0xFFFF).all()
-
-
-def test_a_short_frame_has_the_signals_that_fit():
     log = log_of((0.0, VDC2_0B, vdc2(0.1)), (0.1, VDC2_0B, vdc2(0.2)[:5]), (0.2, VDC2_0B, vdc2(0.3)[:4]))
     found = read(log, "VDC2.yaw_rate@0B", "VDC2.lateral_acceleration@0B")
     assert np.isnan(found["VDC2.yaw_rate@0B"][1]).tolist() == [False, False, True]
@@ -124,37 +115,18 @@ def test_each_axle_of_vehicle_weight_is_a_column_with_a_clock_of_its_own():
     assert np.isnan(found["VW.cargo_weight@03"][1]).all()
 
 
-def test_frames_that_do_not_follow_in_time_are_left_out_and_counted_once():
+def test_frames_that_do_not_follow_in_time_are_left_out_and_counted_once(monkeypatch):
+    """A clock that was set back is left to whoever reads on. Many frames are read again."""
     times = [0.0, 0.1, 0.1, 0.2, 0.15, 0.3, -5.0, 0.4]
-    log = log_of(*((at, VDC2_0B, vdc2(0.0)) for at in times), batch=3)
-    for _ in range(2):
-        assert read(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == [0.0, 0.1, 0.2, 0.3, 0.4]
-    assert log.notes == [
-        "3 frames left out: their timestamp is not later than that of the previous frame of the same message"
-    ]
-
-
-def test_many_frames_are_read_again(monkeypatch):
-    rows = [(0.01 * k, VDC2_0B if k % 2 else 0x123, vdc2(0.001 * k)) for k in range(60)]
-    kept = read(log_of(*rows, batch=7), "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"]
-    monkeypatch.setattr("fifthwheel.data.logs.can.log._KEPT_FRAMES", 10)
-    again = read(log_of(*rows, batch=7), "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"]
-    assert kept[0].size == 30
-    np.testing.assert_array_equal(kept, again)
-
-
-def test_a_clock_that_was_set_back_is_left_to_whoever_reads_on():
+    for kept in (1000, 2):
+        monkeypatch.setattr("fifthwheel.data.logs.can.log._KEPT_FRAMES", kept)
+        log = log_of(*((at, VDC2_0B, vdc2(0.0)) for at in times), batch=3)
+        for _ in range(2):
+            assert read(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == [0.0, 0.1, 0.2, 0.3, 0.4]
+        assert [note.partition(":")[0] for note in log.notes] == ["3 frames left out"]
     times = [10.0, 10.1, 10.2, 0.0, 0.1, 0.2, 0.3]
     log = log_of(*((at, VDC2_0B, vdc2(0.0)) for at in times))
     assert read(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == times
-
-
-def test_the_same_name_in_two_databases_makes_two_columns(tmp_path):
-    one, two = tmp_path / "a.dbc", tmp_path / "b.dbc"
-    one.write_text(DBC)
-    two.write_text(DBC.replace("BO_ 100", "BO_ 101").replace("CM_ BO_ 100", "CM_ BO_ 101"))
-    log = log_of((0.0, 100, bytes(8)), (0.1, 101, bytes(8)), databases=[one, two])
-    assert {"Motor.Speed", "Motor#2.Speed"} <= log.columns.keys()
 
 
 def test_what_no_database_knows_is_told():
@@ -166,48 +138,21 @@ def test_what_no_database_knows_is_told():
         list(log.chunks(["VDC2.jaw_rate@0B"]))
 
 
-def test_a_log_without_a_frame_is_refused(tmp_path):
-    path = tmp_path / "a.log"
-    path.write_text("(1.0) can0 123#R\n")
-    with pytest.raises(SignalError, match=r"a\.log: not one CAN frame .*1 remote frame left out"):
-        readers.open_log(path)
-
-
-def test_progress_may_stop_the_reading(tmp_path):
-    class Stopped(Exception):  # noqa: N818
-        pass
-
-    def stop(done: float) -> None:
-        raise Stopped
-
-    with pytest.raises(Stopped):
-        readers.open_log(write(tmp_path / "a.blf", [message(0.0, VDC2_0B, vdc2(0.0))]), progress=stop)
-
-
 @pytest.mark.slow
-def test_a_real_truck_that_stands(data):
+def test_real_trucks(data):
+    """One that stands, one that drives, and a trace with error lines."""
     log = readers.open_log(data / "j1939" / "navistar_a26_vdc2_only.candump.log")
-    assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"
     time, rate = read(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"]
     assert np.median(np.diff(time)) == pytest.approx(0.01, abs=5e-4)
     assert rate.mean() == pytest.approx(3.7e-3, abs=5e-5)
     assert rate.std() == pytest.approx(5.4e-4, abs=1e-5)
     assert "CCVS.wheel_based_vehicle_speed@00:1" in log.columns
     assert log.notes == []
-
-
-@pytest.mark.slow
-def test_a_real_truck_that_drives(data):
     log = readers.open_log(data / "j1939" / "csu_normal_drive.log")
-    found = read(log, "CCVS.wheel_based_vehicle_speed@00", "EBC2.front_axle_speed@0B")
-    (at, speed), (also, front) = found.values()
+    (at, speed), (also, front) = read(log, "CCVS.wheel_based_vehicle_speed@00", "EBC2.front_axle_speed@0B").values()
     assert np.ptp(at) == pytest.approx(30, abs=1)
     assert speed.max() == pytest.approx(55, abs=0.5)
     assert np.abs(np.interp(also, at, speed) - front).max() < 1.5
-    assert np.abs(np.interp(also, at, speed) - front).mean() < 0.4
-
-
-def test_a_real_trace_with_error_lines(data):
     log = readers.open_log(data / "j1939" / "paccar_mx_pcanview.trc")
     assert log.notes == ["250 error frames left out", "47 of 51 ids are in no database; give a DBC to read them"]
     assert len(read(log, "CCVS.wheel_based_vehicle_speed@00")["CCVS.wheel_based_vehicle_speed@00"][0]) == 769

@@ -77,24 +77,11 @@ def save(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
 
 def test_vectors_beside_a_time(save: Any) -> None:
     M = np.arange(150.0).reshape(50, 3)
-    variables = {
-        "t": T,
-        "speed": T * 2,
-        "braking": T > 1,
-        "gear": np.arange(50, dtype="i2").reshape(-1, 1),
-        "mass": 40000.0,
-        "M": M,
-        "wide": np.arange(150.0).reshape(3, 50),
-        "other": np.arange(7.0),
-        "remark": "abc",
-    }
-    with open_log(save(variables)) as log:
-        assert set(log.columns) == {
-            "speed",
-            "braking",
-            "gear",
-            *(f"{m}({k})" for m in ("M", "wide") for k in (1, 2, 3)),
-        }
+    variables = {"t": T, "speed": T * 2, "braking": T > 1, "gear": np.arange(50, dtype="i2").reshape(-1, 1)}
+    variables |= {"mass": 40000.0, "M": M, "wide": np.arange(150.0).reshape(3, 50), "other": np.arange(7.0)}
+    with open_log(save(variables | {"remark": "abc"})) as log:
+        matrices = {f"{m}({k})" for m in ("M", "wide") for k in (1, 2, 3)}
+        assert set(log.columns) == {"speed", "braking", "gear", *matrices}
         found = read(log)
         for name, expected in {"speed": T * 2, "braking": T > 1, "gear": np.arange(50), "M(2)": M[:, 1]}.items():
             np.testing.assert_array_equal(found[name][1], expected)
@@ -122,15 +109,8 @@ def test_structs(save: Any) -> None:
         np.testing.assert_array_equal(found["gps"], [T[:9], T[:9] * 2])
 
 
-def test_an_array_of_signals(save: Any) -> None:
-    items = [{"name": name, "time": T, "data": T * k, "unit": "rad"} for k, name in enumerate(("a", "b"))]
-    with open_log(save({"s": structs(*items)})) as log:
-        assert list(log.columns) == ["s.a", "s.b"]
-        np.testing.assert_array_equal(read(log)["s.b"][1], T)
-        assert log.columns["s.b"].unit == "rad"
-
-
-def test_simulink_structure_with_time(save: Any) -> None:
+def test_structures_of_simulink_and_dspace(save: Any) -> None:
+    """And an array of signals. A name that occurs twice has the place in it."""
     both = np.stack([T, -T], axis=1)
     signals = structs(
         {"values": T.reshape(-1, 1), "dimensions": 1.0, "label": "yaw"},
@@ -139,9 +119,6 @@ def test_simulink_structure_with_time(save: Any) -> None:
     with open_log(save({"simout": {"time": T.reshape(-1, 1), "signals": signals, "blockName": "m/out"}})) as log:
         assert list(log.columns) == ["simout.yaw", "simout.pos(1)", "simout.pos(2)"]
         np.testing.assert_array_equal(read(log)["simout.pos(2)"], [T, -T])
-
-
-def test_dspace_recording(save: Any) -> None:
     x = structs({"Name": "time", "Data": T, "Raster": "10ms"}, {"Name": "time", "Data": T[:20] + 1, "Raster": "1ms"})
     y = structs(
         {"Name": "Model Root/yaw", "Data": T * 2, "Unit": "rad/s", "XIndex": 1.0},
@@ -150,25 +127,20 @@ def test_dspace_recording(save: Any) -> None:
     with open_log(save({"rec001": {"X": x, "Y": y, "Description": {"General": "none"}}})) as log:
         assert {n: c.unit for n, c in log.columns.items()} == {"Model Root/yaw": "rad/s", "Model Root/v": "m/s"}
         np.testing.assert_array_equal(read(log)["Model Root/v"], [T[:20] + 1, T[:20] * 3])
-
-
-def test_several_times(save: Any) -> None:
-    with open_log(save({"time": T, "a": T, "time_gps": T[:9], "speed_gps": T[:9], "t_oil": T * 0})) as log:
-        assert {name: column.clock for name, column in log.columns.items()} == {
-            "a": "time",
-            "speed_gps": "time_gps",
-            "t_oil": "time",
-        }
-
-
-def test_the_same_name_twice(save: Any) -> None:
+    items = [{"name": name, "time": T, "data": T * k, "unit": "rad"} for k, name in enumerate(("a", "b"))]
+    with open_log(save({"s": structs(*items)})) as log:
+        assert {n: c.unit for n, c in log.columns.items()} == {"s.a": "rad", "s.b": "rad"}
+        np.testing.assert_array_equal(read(log)["s.b"][1], T)
     y = structs(*({"Name": "v", "Data": T * k, "Unit": "m"} for k in (1, 2)))
-    recordings = {name: {"X": {"Data": T}, "Y": y} for name in ("r1", "r2")}
-    with open_log(save(recordings)) as log:
+    with open_log(save({name: {"X": {"Data": T}, "Y": y} for name in ("r1", "r2")})) as log:
         assert sorted(log.columns) == ["v@r1.X", "v@r1.X'", "v@r2.X", "v@r2.X'"]
 
 
-def test_days_become_seconds(save: Any) -> None:
+def test_times(save: Any) -> None:
+    """Several; days, which become seconds."""
+    with open_log(save({"time": T, "a": T, "time_gps": T[:9], "speed_gps": T[:9], "t_oil": T * 0})) as log:
+        clocks = {name: column.clock for name, column in log.columns.items()}
+        assert clocks == {"a": "time", "speed_gps": "time_gps", "t_oil": "time"}
     days = 719529 + 10 + T / 86400
     with open_log(save({"time": days, "a": T, "s": {"time": T + 700000, "a": T}})) as log:
         np.testing.assert_allclose(read(log)["a"][0], 864000 + T, atol=2e-5)
@@ -196,34 +168,22 @@ def opaque(name: str, kind: str) -> bytes:
     return element(14, flags + b"".join(element(1, text.encode()) for text in (name, "MCOS", kind)) + inner)
 
 
-def test_objects_are_left_out(tmp_path: Path) -> None:
-    path = save5(tmp_path / "a.mat", {"t": T, "a": T})
-    with path.open("ab") as file:
+def test_objects_complex_numbers_and_text_are_left_out(tmp_path: Path) -> None:
+    cells = np.array([["a", T]], dtype=object)
+    old = save5(tmp_path / "a.mat", {"t": T, "a": T, "c": T + 1j, "x": cells, "f": np.array(["ab", "cd"])})
+    with old.open("ab") as file:
         file.write(opaque("run", "timeseries"))
-    with open_log(path) as log:
-        assert list(log.columns) == ["a"]
-        assert log.notes[0].startswith("1 objects left out, only MATLAB reads them; save them as structs")
-    path.write_bytes(path.read_bytes()[:128] + opaque("run", "timetable"))
-    with pytest.raises(SignalError, match=r"1 objects that only MATLAB reads: run \(timetable\); save them as structs"):
-        open_log(path)
-
-
-def test_objects_of_the_newer_version_are_left_out(tmp_path: Path) -> None:
-    path = save7(tmp_path / "a.mat", {"t": T, "a": T, "run": np.arange(6)})
-    with h5py.File(path, "r+") as file:
+    new = save7(tmp_path / "b.mat", {"t": T, "a": T, "run": np.arange(6)})
+    with h5py.File(new, "r+") as file:
         file["run"].attrs["MATLAB_class"] = np.bytes_("timetable")
         file["run"].attrs["MATLAB_object_decode"] = 3
-    with open_log(path) as log:
-        assert list(log.columns) == ["a"]
-        assert log.notes[0].startswith("1 objects left out, only MATLAB reads them; save them as structs")
-
-
-def test_complex_and_text_are_left_out(tmp_path: Path) -> None:
-    cells = np.array([["a", T]], dtype=object)
-    with open_log(
-        save5(tmp_path / "a.mat", {"t": T, "a": T, "c": T + 1j, "x": cells, "f": np.array(["ab", "cd"])})
-    ) as log:
-        assert list(log.columns) == ["a", "x(2)"]
+    for path, columns in ((old, ["a", "x(2)"]), (new, ["a"])):
+        with open_log(path) as log:
+            assert list(log.columns) == columns
+            assert log.notes[0].startswith("1 objects left out, only MATLAB reads them; save them as structs")
+    old.write_bytes(old.read_bytes()[:128] + opaque("run", "timetable"))
+    with pytest.raises(SignalError, match=r"1 objects that only MATLAB reads: run \(timetable\); save them as structs"):
+        open_log(old)
 
 
 def test_chunks_are_bounded(save: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,41 +209,28 @@ def test_a_vector_that_is_a_little_shorter_than_its_time(save: Any) -> None:
         ]
 
 
-def test_large_variables_are_read_when_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mat, "_KEPT_BYTES", 100)
-    with open_log(save5(tmp_path / "az.mat", {"t": T, "a": T * 2, "b": T[::-1], "s": {"x": T + 1}})) as log:
-        assert all(log._signals[name].values.load() is not log._signals[name].values.load() for name in ("a", "b"))
-        found = read(log)
-        np.testing.assert_array_equal(found["b"], [T, T[::-1]])
-        np.testing.assert_array_equal(found["s.x"], [T, T + 1])
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_version_4(tmp_path: Path, order: str) -> None:
+def test_version_4(tmp_path: Path) -> None:
+    """With the order of bytes of other machines; cut short."""
     path = tmp_path / "a.mat"
-    if order == "<":
-        savemat(path, {"t": T, "a": T.astype("f4"), "x": 2 * T, "name": "run"}, format="4")
-    else:
-        arrays = {b"t\0": T.astype(">f8"), b"a\0": T.astype(">f4"), b"x\0": (2 * T).astype(">f8")}
-        kinds = {8: 1000, 4: 1010}
-        parts = [
-            struct.pack(">5i", kinds[array.itemsize], array.size, 1, 0, 2) + name + array.tobytes()
-            for name, array in arrays.items()
-        ]
-        path.write_bytes(b"".join(parts))
-    with open_isolated_log(path) as log:
-        found = read(log)
-        assert list(log.columns) == ["a", "x"]
-        np.testing.assert_allclose(found["a"], [T, T], atol=1e-6)
-        np.testing.assert_array_equal(found["x"], [T, 2 * T])
-        assert not log.notes
-    path.write_bytes(path.read_bytes()[:700])
-    with open_isolated_log(path) as log:
-        assert list(log.columns) == ["a"]
-        assert log.notes[0].startswith("broken after 2 variables, at byte ")
+    arrays = {b"t\0": T.astype(">f8"), b"a\0": T.astype(">f4"), b"x\0": (2 * T).astype(">f8")}
+    heads = [struct.pack(">5i", {8: 1000, 4: 1010}[a.itemsize], a.size, 1, 0, 2) for a in arrays.values()]
+    path.write_bytes(b"".join(head + n + a.tobytes() for head, (n, a) in zip(heads, arrays.items(), strict=True)))
+    other = tmp_path / "b.mat"
+    savemat(other, {"t": T, "a": T.astype("f4"), "x": 2 * T, "name": "run"}, format="4")
+    for written in (path, other):
+        with open_isolated_log(written) as log:
+            found = read(log)
+            assert list(log.columns) == ["a", "x"]
+            np.testing.assert_allclose(found["a"], [T, T], atol=1e-6)
+            np.testing.assert_array_equal(found["x"], [T, 2 * T])
+            assert not log.notes
+        written.write_bytes(written.read_bytes()[:700])
+        with open_isolated_log(written) as log:
+            assert list(log.columns) == ["a"]
+            assert log.notes[0].startswith("broken after 2 variables, at byte ")
 
 
-def test_cut_short(tmp_path: Path) -> None:
+def test_cut_short_or_damaged(tmp_path: Path) -> None:
     path = save5(tmp_path / "a.mat", {"t": T, "a": T, "b": T})
     path.write_bytes(path.read_bytes()[:-50])
     with open_log(path) as log:
@@ -291,13 +238,9 @@ def test_cut_short(tmp_path: Path) -> None:
         assert log.notes[0].startswith("broken after 2 variables, at byte ")
     path = save7(tmp_path / "b.mat", {"t": T, "a": T})
     path.write_bytes(path.read_bytes()[:-50])
-    with pytest.raises(
-        SignalError, match=r"b\.mat: cannot be read as MATLAB \(OSError: .*truncated file.*copy it again"
-    ):
+    error = r"b\.mat: cannot be read as MATLAB \(OSError: .*truncated file.*copy it again"
+    with pytest.raises(SignalError, match=error):
         open_isolated_log(path)
-
-
-def test_a_damaged_variable_is_left_out(tmp_path: Path) -> None:
     path = save5(tmp_path / "az.mat", {"t": T, "a": T, "b": T})
     data = bytearray(path.read_bytes())
     length = struct.unpack("<I", data[132:136])[0]

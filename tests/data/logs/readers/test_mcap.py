@@ -59,8 +59,9 @@ def save(
     return path
 
 
-@pytest.mark.parametrize("compression", list(CompressionType))
-@pytest.mark.parametrize("chunked", [True, False])
+@pytest.mark.parametrize(
+    ("compression", "chunked"), [*((kind, True) for kind in CompressionType), (CompressionType.NONE, False)]
+)
 def test_json(tmp_path: Path, compression: CompressionType, chunked: bool) -> None:
     path = save(
         tmp_path / "a.mcap",
@@ -147,14 +148,12 @@ def test_what_cannot_be_decoded(tmp_path: Path) -> None:
         open_log(path)
 
 
-def test_messages_a_little_late_are_put_in_order(tmp_path: Path) -> None:
+def test_chunks_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Messages that are a little late are put in order."""
     path = save(tmp_path / "a.mcap", {"/x": lambda k: {"k": k}}, stamps=lambda k: (k ^ 1) * STEP)
     with open_log(path) as log:
         np.testing.assert_array_equal(read(log)["x.k"][1], np.arange(300) ^ 1)
         assert log.notes == []
-
-
-def test_chunks_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mcap, "_CHUNK_ROWS", 120)
     with open_log(save(tmp_path / "a.mcap", {"/x": lambda k: {"k": k}}, stamps=lambda k: min(k, 298) * STEP)) as log:
         assert [chunk.values["x.k"].size for chunk in log.chunks(["x.k"])] == [120, 120, 59]

@@ -1,6 +1,5 @@
 """TDMS: written by npTDMS's own writer, read here in blocks."""
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from fifthwheel.base.errors import SignalError
 pytest.importorskip("nptdms")
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers import open_log as open_any
 from fifthwheel.data.logs.readers import tdms
 from fifthwheel.data.logs.readers.tdms import open_log
@@ -88,34 +86,29 @@ def test_a_time_channel(tmp_path: Path, dated: bool) -> None:
         assert log.notes == ["channel 'w' of group 'h' left out: it has no time"]
 
 
-def test_a_shorter_channel_ends_with_missing_samples(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.tdms", [waveform("g", "a", np.ones(10)), waveform("g", "b", np.ones(7))])
-    with open_log(path) as log:
-        np.testing.assert_array_equal(np.isnan(read(log)["b"][1]), np.arange(10) >= 7)
-
-
-def test_a_start_that_is_not_set(tmp_path: Path) -> None:
-    """LabVIEW writes the begin of its calendar, 1904."""
-    channel = waveform("g", "a", np.ones(10))
-    channel.properties["wf_start_time"] = np.datetime64("1904-01-01T00:00:00", "us")
-    with open_log(save(tmp_path / "a.tdms", [channel])) as log:
-        np.testing.assert_array_equal(read(log)["a"][0], 0.01 * np.arange(10))
-
-
-def test_scaled_integers(tmp_path: Path) -> None:
-    channel = waveform("g", "a", np.arange(100, dtype=np.int16))
-    channel.properties |= {
+def test_other_channels(tmp_path: Path) -> None:
+    """A shorter one ends with missing samples; scaled integers; a start that is not set, for which LabVIEW writes
+    the begin of its calendar."""
+    scaled = waveform("g", "scaled", np.arange(10, dtype=np.int16))
+    scaled.properties |= {
         "NI_Number_Of_Scales": np.int32(1),
         "NI_Scale[0]_Scale_Type": "Linear",
         "NI_Scale[0]_Linear_Slope": 0.25,
         "NI_Scale[0]_Linear_Y_Intercept": -3.0,
         "NI_Scale[0]_Linear_Input_Source": np.uint32(0xFFFFFFFF),
     }
-    with open_log(save(tmp_path / "a.tdms", [channel])) as log:
-        np.testing.assert_allclose(read(log)["a"][1], 0.25 * np.arange(100) - 3)
+    channels = [waveform("g", "a", np.ones(10)), waveform("g", "b", np.ones(7)), scaled]
+    for channel in channels:
+        channel.properties["wf_start_time"] = np.datetime64("1904-01-01T00:00:00", "us")
+    with open_log(save(tmp_path / "a.tdms", channels)) as log:
+        found = read(log)
+        np.testing.assert_array_equal(found["a"][0], 0.01 * np.arange(10))
+        np.testing.assert_array_equal(np.isnan(found["b"][1]), np.arange(10) >= 7)
+        np.testing.assert_allclose(found["scaled"][1], 0.25 * np.arange(10) - 3)
 
 
 def test_an_index_beside_the_file_is_not_used(tmp_path: Path) -> None:
+    """Nor is garbage read."""
     path = save(tmp_path / "a.tdms", [waveform("g", "a", np.ones(10))])
     index = tmp_path / "a.tdms_index"
     index.write_bytes(b"TDSh an old one")
@@ -123,28 +116,7 @@ def test_an_index_beside_the_file_is_not_used(tmp_path: Path) -> None:
         assert list(log.columns) == ["a"]
     with pytest.raises(SignalError, match=r"a\.tdms_index: the index of a TDMS file; give the \.tdms file"):
         open_any(index)
-
-
-@pytest.mark.slow
-def test_a_cut_file_gives_what_is_before(tmp_path: Path) -> None:
-    values = np.arange(COUNT, dtype=float)
-    parts = [[waveform("g", "speed", values + k * COUNT, unit="m/s")] for k in range(5)]
-    whole = save(tmp_path / "a.tdms", *parts).read_bytes()
-    path = tmp_path / "cut.tdms"
-    counts = []
-    for size in range(100, len(whole), 1703):
-        path.write_bytes(whole[:size])
-        counts.append(0)
-        with contextlib.suppress(SignalError):
-            record = read_log(path, SignalMap())
-            np.testing.assert_array_equal(record.signals["speed"], np.arange(len(record)))
-            counts[-1] = len(record)
-    assert counts == sorted(counts)
-    assert counts[-1] > 4 * COUNT
-
-
-@pytest.mark.parametrize("content", [b"TDSm", b"TDSm" + b"\xff" * 40, b"TDSm\x0e\0\0\0\x69\x12\0\0" + b"\xfe" * 60])
-def test_garbage(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "a.tdms").write_bytes(content)
-    with pytest.raises(SignalError, match=r"^a\.tdms: "):
-        open_any(tmp_path / "a.tdms")
+    for content in (b"TDSm", b"TDSm" + b"\xff" * 40, b"TDSm\x0e\0\0\0\x69\x12\0\0" + b"\xfe" * 60):
+        path.write_bytes(content)
+        with pytest.raises(SignalError, match=r"^a\.tdms: "):
+            open_any(path)

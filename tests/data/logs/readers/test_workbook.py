@@ -126,31 +126,26 @@ def test_dates_and_times_of_day_are_time(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_array_equal(found["on"], np.arange(20) % 2 == 0)
 
 
-def test_the_text_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = xlsx(tmp_path / "a.xlsx", {"S": TABLE})
-    other = xlsx(tmp_path / "b.xlsx", {"S": [["only words"]]})
+@pytest.mark.parametrize("write", [xlsx, xls, ods])
+def test_what_is_no_workbook_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Any) -> None:
+    """One that is cut, an archive, one without a table; the text that was written of it is removed."""
     (tmp_path / "texts").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "texts"))
+    path = write(tmp_path / "a.x", {"S": TABLE})
     with open_any(path):
-        assert list((tmp_path / "texts").glob("*/*/a.xlsx"))
-    with pytest.raises(SignalError, match=r"^b\.xlsx: no sheet with a table; sheet 'S': not a table"):
-        open_any(other)
-    assert not list((tmp_path / "texts").iterdir())
-
-
-@pytest.mark.parametrize("write", [xlsx, xls, ods])
-def test_a_cut_workbook_is_refused(tmp_path: Path, write: Any) -> None:
-    path = write(tmp_path / "a.xlsx", {"S": TABLE})
+        assert list((tmp_path / "texts").glob("*/*/a.x"))
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    with pytest.raises(SignalError, match=r"^a\.xlsx: cannot be read as Excel or OpenDocument .*copy it again"):
-        open_any(path)
-
-
-def test_an_archive_is_no_workbook(tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as file:
+    words = write(tmp_path / "b.x", {"S": [["only words"]]})
+    with zipfile.ZipFile(tmp_path / "c.xlsx", "w") as file:
         file.writestr("run.csv", "t,v\n0,1\n")
-    with pytest.raises(SignalError, match=r"a\.xlsx: a zip archive; unpack it"):
-        open_any(tmp_path / "a.xlsx")
+    for wrong, error in (
+        (path, r"^a\.x: cannot be read as Excel or OpenDocument .*copy it again"),
+        (words, r"^b\.x: no sheet with a table; sheet 'S': not a table"),
+        (tmp_path / "c.xlsx", r"c\.xlsx: a zip archive; unpack it"),
+    ):
+        with pytest.raises(SignalError, match=error):
+            open_any(wrong)
+    assert not list((tmp_path / "texts").iterdir())
 
 
 @pytest.mark.slow
