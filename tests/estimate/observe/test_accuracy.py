@@ -176,7 +176,6 @@ def test_lower_noise_gives_lower_sigma(truck, lane_changes):
         ({"speed", "steer.tractor.drive", *YAWS}, r"^steer\.tractor\.front: "),
         (set(), r"^steer\.tractor\.front: "),
     ],
-    ids=str,
 )
 def test_missing_signals_are_refused(truck, available, starts):
     with pytest.raises(SignalError, match=starts):
