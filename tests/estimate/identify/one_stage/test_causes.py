@@ -56,7 +56,7 @@ def find(monkeypatch):
             monkeypatch.setattr(causes, unexplained, lambda minimum: left.get(minimum, 0.0))
         monkeypatch.setattr(causes, "gross_error", lambda unknown: unknown)  # the unknown "usual" has none
         monkeypatch.setattr(causes, "linear_odds", lambda test, _: linear[test.name])
-        monkeypatch.setattr(causes, "_fitted", lambda _, test, error: fitted[test.name])
+        monkeypatch.setattr(causes, "_fitted", lambda _, test, error, least: fitted[test.name])
         unknowns = {name: None if name == "usual" else name for name in linear}
         solution = SimpleNamespace(minimum="all", problem=SimpleNamespace(unknowns_by_name=unknowns))
         tests = [SimpleNamespace(name=name) for name in linear]
@@ -125,7 +125,7 @@ def test_the_odds_of_a_hypothesis(monkeypatch, name):
     problem = Linear(J, J @ [6.0, 0.5, 4.0, -3.0, 1.0] + rng.normal(size=30), np.ones(5))
     base = causes._fit(problem, np.zeros(5))
     test = PriorTest(name=name, statistic=4.0, implied=3.0, shifts=rng.normal(size=5))
-    found = causes._fitted(base, test, GrossError(5.0, 2.0))
+    found = causes._fitted(base, test, GrossError(5.0, 2.0), least=0.0)
     i, wide = problem.names.index(name), problem.with_gross_error(name, 5.0, 3.0)
     evidence = wide.log_evidence() - problem.log_evidence()
     assert found.odds == pytest.approx(math.log(0.003 * 2.0) + evidence, rel=1e-9)

@@ -56,6 +56,22 @@ def test_rosenbrock_valley() -> None:
     assert not search([-5.0, 8.0], limit=3)[1]
 
 
+@pytest.mark.parametrize("hopeless", [False, True])
+def test_a_hopeless_search_stops_after_a_fair_trial(hopeless: bool) -> None:
+    """It is asked with a cost that the next steps do not reach."""
+    asked, valley, start = list[float](), SimpleNamespace(expand=expand, cost=cost), np.array([-5.0, 8.0])
+
+    def answer(least: float) -> bool:
+        asked.append(least)
+        return hopeless
+
+    bounds = {"lower": np.full(2, -9.0), "upper": np.full(2, 9.0)}
+    minimum = minimise(valley, start, **bounds, iterations=200, tolerance=1e-6, hopeless=answer)
+    assert minimum.converged is not hopeless
+    assert (len(asked) == 1) is hopeless
+    assert asked[0] < cost(minimise(valley, start, **bounds, iterations=3).z)
+
+
 def test_the_remaining_step_of_a_search() -> None:
     """Of a quadratic, to its minimum within the bounds of the search."""
     target = np.array([3.0, -2.0])
