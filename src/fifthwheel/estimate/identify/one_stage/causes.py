@@ -79,7 +79,8 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
     unknowns = solution.problem.unknowns_by_name
     wrong = [(linear_odds(test, error), test, error) for test in tests if (error := gross_error(unknowns[test.name]))]
     wrong = sorted((each for each in wrong if each[0] > LEAST_LINEAR_ODDS), key=lambda each: -each[0])
-    candidates, base, found = wrong[:MOST_HYPOTHESES], _base(solution) if wrong else solution.minimum, []
+    candidates, base = wrong[:MOST_HYPOTHESES], _base(solution) if wrong else solution.minimum
+    found = list[_Hypothesis]()
     for i, (_, test, error) in enumerate(candidates):
         progress(TITLE, i, len(candidates))
         best = max((h.odds for h in found), default=0.0)
