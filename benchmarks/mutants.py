@@ -54,7 +54,6 @@ TESTS = {
     "src/fifthwheel/apps/fleet/manifest.py": ("tests/apps/fleet/test_manifest.py", FLEET_TESTS),
     "src/fifthwheel/apps/fleet": (
         "tests/apps/fleet/test_storage.py tests/apps/fleet/test_report.py tests/apps/fleet/test_combination.py",
-        "tests/apps/fleet/test_run.py",
         FLEET_TESTS,
     ),
     "src/fifthwheel/estimate/identify/fits.py": (

@@ -16,6 +16,7 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot
 from fifthwheel.base.plots.plotly_figure import figure
+from fifthwheel.estimate.identify.knowledge.storage import IDENTIFICATION
 from fifthwheel.results.report import comparison_page
 
 Window = tuple[float, float]
@@ -25,7 +26,7 @@ CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _U
 ZOOM = ["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"]
 """Of the event plotly_relayout, what `zoomed` needs."""
 _KEPT = "zoom"
-DATA = ("vehicle.toml", "identification.json", "states.parquet")
+DATA = ("vehicle.toml", IDENTIFICATION, "states.parquet")
 """What can be downloaded of a result."""
 FILES = ("report.html", *DATA)
 """What can be asked for."""

@@ -39,7 +39,7 @@ from fifthwheel.estimate.design.assess import InformationAssessment, predict_sig
 from fifthwheel.estimate.identify import Fit, Identification
 from fifthwheel.estimate.identify.given import require_signals
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
+from fifthwheel.estimate.identify.knowledge.storage import IDENTIFICATION, knowledge_file
 from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.time_bases.evidence import SignalEvidence, signal_evidence
@@ -54,8 +54,6 @@ _SURVEY = "survey.json"
 _PART, _LOCK = ".part", "lock"
 EVIDENCE_SPAN = 600.0
 """Longest part of a log that is used to propose and compare signals, s."""
-RESULT = "identification.json"
-"""Its presence makes a folder of `runs` a result."""
 EXAMPLE = "cheng_cebon_2011"
 """The published vehicle of the example."""
 KNOWLEDGE = "knowledge"
@@ -227,21 +225,21 @@ class MissingError(FifthwheelError):
 
 def results(workspace: Workspace) -> list[str]:
     """Names of the results, the newest first."""
-    return [path.name for path in workspace.runs() if (path / RESULT).is_file()]
+    return [path.name for path in workspace.runs() if (path / IDENTIFICATION).is_file()]
 
 
 def labels(workspace: Workspace) -> dict[str, str]:
     """The results, the newest first: their names, and the names with their notes."""
     found = {}
     for name in results(workspace):
-        note = Note.read(workspace.run(name) / RESULT)
+        note = Note.read(workspace.run(name) / IDENTIFICATION)
         found[name] = name if note is None else f"{name}: {printable(str(note))}"
     return found
 
 
 def interrupted(workspace: Workspace) -> list[str]:
     """Names of result folders without a result: the server was killed while it identified."""
-    return [path.name for path in workspace.runs() if not (path / RESULT).is_file()]
+    return [path.name for path in workspace.runs() if not (path / IDENTIFICATION).is_file()]
 
 
 def discard_empty(folder: Path, name: str) -> None:

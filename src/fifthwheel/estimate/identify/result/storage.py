@@ -16,7 +16,7 @@ from fifthwheel.base.input_files import read_json, require_regular
 from fifthwheel.base.settings import Settings
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
+from fifthwheel.estimate.identify.knowledge.storage import IDENTIFICATION, KNOWLEDGE
 from fifthwheel.estimate.identify.result.parts import IdentificationData
 from fifthwheel.estimate.identify.settings import require_own_functions, settings_of_method
 from fifthwheel.estimate.identify.stored import ValidationError, restored
@@ -25,7 +25,7 @@ from fifthwheel.truck import Vehicle
 
 T = TypeVar("T")
 
-CONTENTS, SERIES = "identification.json", "series.npz"
+SERIES = "series.npz"
 OTHER = "knowledge"
 """The field with a file of its own."""
 KEYS = {
@@ -42,10 +42,10 @@ MAX_SERIES = 1_000_000_000
 def save(identification: IdentificationData, folder: Path) -> None:
     """Write the files of an identification to a folder; see `Identification.save`."""
     folder.mkdir(parents=True, exist_ok=True)
-    names = (CONTENTS, "vehicle.toml", KNOWLEDGE, SERIES)
+    names = (IDENTIFICATION, "vehicle.toml", KNOWLEDGE, SERIES)
     if (foreign := [name for name in names if (folder / name).exists()]) and not is_result(folder):
         raise FifthwheelError(f"{folder / foreign[0]}: not of an earlier result; choose another folder, or move it")
-    with atomic_write(folder / CONTENTS) as temporary:
+    with atomic_write(folder / IDENTIFICATION) as temporary:
         temporary.write_text(as_json(contents_of(identification)) + "\n", encoding="utf-8")
     identification.vehicle.save(folder / "vehicle.toml")
     with atomic_write(folder / SERIES) as temporary, temporary.open("wb") as file:
@@ -57,7 +57,7 @@ def save(identification: IdentificationData, folder: Path) -> None:
 
 def load(path: Path, make: Callable[..., T]) -> T:
     """What `make` makes of the fields in a folder, or of an identification.json; see `Identification.load`."""
-    path = path / CONTENTS if path.is_dir() else path
+    path = path / IDENTIFICATION if path.is_dir() else path
     contents = read_contents(path)
     series = read_series(path.with_name(SERIES))
     require_own_functions(contents, str(path))
@@ -148,16 +148,16 @@ def read_contents(path: Path) -> dict[str, Any]:
     try:
         contents = read_json(path)
     except FifthwheelError as error:
-        raise SignalError(f"{error}; give the {CONTENTS} that `fifthwheel identify` wrote") from None
+        raise SignalError(f"{error}; give the {IDENTIFICATION} that `fifthwheel identify` wrote") from None
     if not isinstance(contents, dict):
-        raise SignalError(f"{path}: not an {CONTENTS}; give the file that `fifthwheel identify` wrote")
+        raise SignalError(f"{path}: not an {IDENTIFICATION}; give the file that `fifthwheel identify` wrote")
     return contents
 
 
 def is_result(folder: Path) -> bool:
     """Whether a folder has an identification.json that `save` or `fifthwheel identify` wrote."""
     try:
-        return {"method", "parameters", "version"} <= read_contents(folder / CONTENTS).keys()
+        return {"method", "parameters", "version"} <= read_contents(folder / IDENTIFICATION).keys()
     except (OSError, SignalError):
         return False
 
