@@ -70,6 +70,11 @@ CHOSEN = {
         {YAW: "gyro_z b", YAW2: "gyro_z a"},
         {YAW2: "it lags the other gyro"},
     ),
+    "all columns with the name of the gyro that lags": (
+        {"vx": (SPEED, 1), "steer": (STEER, 1), "gyro_z a": (YAW2, 1), "gyro_z b": (YAW, 1), "gyro_x a": (YAW2, 1)},
+        {YAW: "gyro_z b", YAW2: "gyro_z a", "roll_rate.semitrailer": "gyro_x a"},
+        {},
+    ),
     "a repeated name": (
         {"vx": (SPEED, 1), "Gyro_Z": (YAW2, 1), "Gyro_Z_1": (YAW, 1)},
         {YAW: "Gyro_Z_1", YAW2: "Gyro_Z"},
@@ -213,3 +218,19 @@ def test_a_real_truck(data, run):
     assert columns["yaw_rate.tractor"] in ("yaw_rate", "imu_gyro_z")
     assert columns["articulation.semitrailer"] == "hitch"
     assert all(channel.sign == 1 and channel.gain == 1 for channel in proposal.signals.signals.values())
+
+
+def test_numbers_count_the_trailers_and_the_steered_axle_has_its_name(tmp_path, weaving):
+    """Also where the leading unit has no number; the steering ratio and the signs follow as for an axle named front."""
+    columns = {"vx [km/h]": ("speed", 3.6), "LRW [deg]": (STEER, 20 / DEGREE)}
+    columns |= {f"GyroZ_{name} [deg/s]": (YAW, -1 / DEGREE) for name in ("Prime", "Tr1", "Tr2")}
+    units = {"units": ("lorry", "lead", "last"), "steered": "steer", "wheelbase": 4.0}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns), **units)
+    signals = proposal.signals.signals
+    names = ("lorry", "Prime"), ("lead", "Tr1"), ("last", "Tr2")
+    assert {f"yaw_rate.{unit}": f"GyroZ_{name}" for unit, name in names}.items() <= {
+        name: signal.column for name, signal in signals.items()
+    }.items()
+    assert signals["steer.lorry.steer"].sensor == "steering wheel"
+    assert 14 < 1 / signals["steer.lorry.steer"].gain < 30
+    assert signals["steer.lorry.steer"].sign * signals["yaw_rate.lorry"].sign == -1

@@ -5,12 +5,13 @@ import pytest
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics import linear_system
-from fifthwheel.results.assess.rollover import Rollover, measure, measure_effective_track, rollover
+from fifthwheel.results.assess.rollover import Rollover, _moments, measure, measure_effective_track, rollover
 from fifthwheel.results.assess.truck import Body, Truck
 from fifthwheel.truck import get, laden
 from tests.results.assess.trucks import double, rigid, single_axles
 
 TRUCK = get("cheng_cebon_2011")
+TRUCK_ON_SPRINGS = Truck(vehicle=TRUCK)
 
 
 def test_a_rigid_truck_rolls_over_at_half_the_track_over_the_height():
@@ -106,3 +107,11 @@ def test_a_truck_that_cannot_stand_is_refused():
     truck = Truck(vehicle=TRUCK).changed({**soft, "semitrailer.roll_stiffness": 1e3})
     with pytest.raises(VehicleError, match="raise roll_stiffness"):
         rollover(truck)
+
+
+def test_a_truck_that_no_acceleration_rolls_over_is_refused(monkeypatch):
+    """A moment about the roll axes towards the inside of the turn lifts no inner wheel."""
+    weight, moment = _moments(TRUCK_ON_SPRINGS, [0, 1])
+    monkeypatch.setattr("fifthwheel.results.assess.rollover._moments", lambda *_: (weight, -3 * moment))
+    with pytest.raises(VehicleError, match="tractor, semitrailer: no acceleration lifts its inner wheels"):
+        rollover(TRUCK_ON_SPRINGS)

@@ -190,6 +190,12 @@ def survey_file(
     return contents
 
 
+def steered_axle(vehicle: Vehicle | None) -> str:
+    """The first steerable axle of the first unit."""
+    axles = [axle.name for axle in vehicle.units[0].axles if axle.steerable] if vehicle else []
+    return axles[0] if axles else "front"
+
+
 def propose_signals(
     log: LogSource, survey: LogSurvey, vehicle: Vehicle | None = None, *, databases: Sequence[Path] = ()
 ) -> LogContents:
@@ -197,7 +203,8 @@ def propose_signals(
     are as the map names them."""
     known: dict[str, Any] = {}
     if vehicle is not None:
-        known = {"units": [unit.name for unit in vehicle.units], "wheelbase": vehicle.wheelbase}
+        units = [unit.name for unit in vehicle.units]
+        known = {"units": units, "steered": steered_axle(vehicle), "wheelbase": vehicle.wheelbase}
     proposal = _with_delays(propose_map(log, survey, databases=databases, **known), log, vehicle)
     return LogContents(survey=survey, proposal=proposal, signals_toml=as_toml(proposal, survey))
 

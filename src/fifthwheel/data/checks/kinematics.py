@@ -174,11 +174,11 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         return
     u = np.maximum(speed, min_speed)
     motion = Turn(u, rate, rate, is_towed=True, towed_length=_TOWED_LENGTH, wheelbase=wheelbase, step=_STEP)
-    turning = float(np.std(rate[fast])) > _LEAST_YAW_RATE
+    turning, front = float(np.std(rate[fast])) > _LEAST_YAW_RATE, _front_steer(record)
     for name in record.signals:
         signal, channel = SignalName.of(name), channel_of(name)
         turn = channel.turn if channel else None
-        if turn is None or name == leading or turn.part not in (None, signal.part):
+        if turn is None or name == leading or (turn.part and name != front):
             continue
         values, known = at_common_time(record, name, time)
         if turn.derivative:
@@ -220,15 +220,23 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
 def _leading_yaw_rate(record: Record) -> str | None:
     """The yaw rate of the unit with the front steer angle, else the first yaw rate, if there is one."""
     yaw_rates = names_of(YAW_RATE, record.signals)
-    steered = [s.unit for s in map(SignalName.of, names_of(STEER, record.signals)) if s.part == "front"]
-    return next((name for name in yaw_rates if SignalName.of(name).unit in steered), next(iter(yaw_rates), None))
+    front = _front_steer(record)
+    of_front = [name for name in yaw_rates if front and SignalName.of(name).unit == SignalName.of(front).unit]
+    return next(iter([*of_front, *yaw_rates]), None)
+
+
+def _front_steer(record: Record) -> str | None:
+    """The steer angle of the axle that is named front, or the only one, if there is one."""
+    steers = names_of(STEER, record.signals)
+    named = [name for name in steers if SignalName.of(name).part == "front"]
+    return next(iter(named or steers), None) if named or len(steers) == 1 else None
 
 
 def _used_differences(record: Record) -> list[str]:
     """The wheel speed differences that estimators use: driven wheels, of the unit with the front steer angle, slip."""
-    steered = {s.unit for s in map(SignalName.of, names_of(STEER, record.signals)) if s.part == "front"}
-    signals = {name: SignalName.of(name) for name in all_pairs(record.signals)}
-    return [n for n, each in signals.items() if each.unit not in steered or f"steer.{each.place}" in record.signals]
+    front, signals = _front_steer(record), {name: SignalName.of(name) for name in all_pairs(record.signals)}
+    steered = SignalName.of(front).unit if front else None
+    return [n for n, each in signals.items() if each.unit != steered or f"steer.{each.place}" in record.signals]
 
 
 def common_time(record: Record, step: float) -> Array:

@@ -41,9 +41,11 @@ _UNIT_ENDINGS = {
 }
 """Units at the end of names."""
 _TOWED = re.compile(
-    "trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
+    "trailer|semi|auflieger|anhaeng|remorque|nachlaeufer|_(tr[1-9]|trl|anh|nl|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
 )
-_LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
+_LEADING = re.compile(
+    "tractor|tracteur|truck|zugm|motor_?wagen|vorderwagen|towing|_(prime|trk|szm|zm|lkw|vw|cab|chassis|front_unit)_"
+)
 _OF_WHEEL = re.compile(
     "_[lr]_?[1-9][io]?_|wheel(?!_?base)|whl|_rad_|_roue|knuckle|_hub_|_(axle|achse|essieu)_?[1-9]?_|_([fr][lr]|[vh][lr])_"
 )
@@ -51,6 +53,8 @@ _OF_WHEEL = re.compile(
 _NUMBER = re.compile(
     "(?P<before>(?!(?<=_)[lr]_?\\d)[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_"
 )
+_OF_TRAILERS = ("tr", "trl", "trailer", "anh", "anhaenger", "remorque")
+"""Words before a number that counts the towed units only."""
 _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")
 """Words before a number that does not count the units of a vehicle."""
 _MOST_TURNS = 200.0
@@ -98,7 +102,7 @@ class ColumnHint:
     words: str = ""
     """Words of the name and its source, with "_" before, between and after them."""
     number: int | None = None
-    """The unit's number in the name, from 1."""
+    """The unit's number in the name, from 1 for the leading unit."""
 
     @property
     def sensor(self) -> str:
@@ -108,15 +112,18 @@ class ColumnHint:
         named = (name for name, pattern in _SENSORS.items() if re.search(pattern, self.words))
         return next((name for name in named if self.channel.quantity in SENSOR_CLASSES[name].offset), "")
 
-    def signal(self, units: Sequence[str]) -> str | None:
-        """The signal of a vehicle with these units, front to rear; None where a proposal does not use the quantity."""
+    def signal(self, units: Sequence[str], steered: str = "front") -> str | None:
+        """The signal of a vehicle with these units, front to rear; None where a proposal does not use the quantity.
+
+        `steered` is the first steered axle group of the leading unit.
+        """
         if self.channel.proposed is None:
             return None
         quantity, unit = self.channel.quantity, self._unit(units)
         if self.channel.of == "vehicle":
             return quantity
         if self.channel is STEER:
-            return f"{quantity}.{unit}.front" if unit == units[0] else f"{quantity}.{unit}"
+            return f"{quantity}.{unit}.{steered}" if unit == units[0] else f"{quantity}.{unit}"
         if self.channel.of == "part" and self.side:
             return f"{quantity}.{unit}.{self.side}"
         return f"{quantity}.{unit}.{self.part}" if self.part else f"{quantity}.{unit}"
@@ -215,7 +222,7 @@ def _unit_number(words: str) -> int | None:
     number = _NUMBER.search(words)
     if number is None or number["before"] in _NOT_A_UNIT_NUMBER:
         return None
-    return int(number["number"] or number["device"])
+    return int(number["number"] or number["device"]) + (number["before"] in _OF_TRAILERS)
 
 
 def named_unit(name: str) -> tuple[str, str | None]:

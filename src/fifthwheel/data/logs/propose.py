@@ -235,17 +235,18 @@ def propose_map(
     survey: LogSurvey,
     *,
     units: Sequence[str] = ("tractor", "semitrailer"),
+    steered: str = "front",
     wheelbase: float = 4.5,
     databases: Sequence[Path] = (),
 ) -> MapProposal:
     """The map that a log's names, units and samples indicate, for the user to edit.
 
-    The log is read again at a low rate to compare signals. `units` are the vehicle's, front to rear; the wheelbase of
-    the first one, m, determines the steering ratio.
+    The log is read again at a low rate to compare signals. `units` are the vehicle's, front to rear; `steered` is
+    the first steered axle group of the first one, whose wheelbase, m, determines the steering ratio.
     """
     named = SignalMap.of_columns(survey.contents)
     mapped = {channel.column for part in named for channel in part.values()}
-    candidates, axle_loads, relative = _candidates(survey, units, mapped)
+    candidates, axle_loads, relative = _candidates(survey, units, steered, mapped)
     towed_reason = _assign_towed_gyro(log, survey, candidates, units)
     signals, reference = ({**part} for part in named)
     reasons = {signal: "the column has this name" for part in named for signal in part}
@@ -283,7 +284,7 @@ def propose_map(
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
         missing=(
-            *missing_signals(proposed, units, relative),
+            *missing_signals(proposed, units, steered, relative),
             *[text for signal, text in relative.items() if signal not in proposed.signals],
             *_rates_of_unknown_axes(proposed, survey),
         ),
@@ -293,13 +294,13 @@ def propose_map(
 
 
 def _candidates(
-    survey: LogSurvey, units: Sequence[str], mapped: Container[str | None]
+    survey: LogSurvey, units: Sequence[str], steered: str, mapped: Container[str | None]
 ) -> tuple[dict[str, list[ColumnHint]], list[str], dict[str, str]]:
     """Candidate columns by signal, columns with axle loads of an unknown axle, and sentences on relative columns."""
     candidates: dict[str, list[ColumnHint]] = {}
     axle_loads, relative = [], dict[str, str]()
     for name, hint in classify_columns({n: content.column.unit for n, content in survey.contents.items()}).items():
-        signal = hint.signal(units)
+        signal = hint.signal(units, steered)
         if signal is None or not survey.contents[name].alive or name in mapped:
             continue
         if hint.channel.proposed == "reference" and not _is_plausible(hint, survey.contents[name]):
@@ -392,9 +393,12 @@ def _assign_towed_gyro(
         return None
     clocks = [survey.contents[hint.column].column.clock for hint in gyros]
     device = clocks[last] if clocks.count(clocks[last]) == 1 else None
+    words = [set(hint.words.split("_")) for hint in gyros]
+    own = words[last].difference(*words[:last], *words[last + 1 :])
     for signal in [signal for signal in candidates if SignalName.of(signal).place == units[0]]:
         for hint in [*candidates[signal]]:
-            if hint is gyros[last] or survey.contents[hint.column].column.clock == device:
+            named = bool(own) and own <= set(hint.words.split("_"))
+            if hint is gyros[last] or named or survey.contents[hint.column].column.clock == device:
                 candidates.setdefault(f"{SignalName.of(signal).quantity}.{units[-1]}", []).append(hint)
                 candidates[signal].remove(hint)
     return f"it lags the other gyro by {lags[last] - min(lags):.2f} s, as a towed unit does"
@@ -442,9 +446,9 @@ def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:
     return [f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}"]
 
 
-def missing_signals(proposed: SignalMap, units: Sequence[str], others: Iterable[str] = ()) -> list[str]:
+def missing_signals(proposed: SignalMap, units: Sequence[str], steered: str, others: Iterable[str] = ()) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have; `others` are in the log too."""
-    front, yaw_rate = f"steer.{units[0]}.front", f"yaw_rate.{units[0]}"
+    front, yaw_rate = f"steer.{units[0]}.{steered}", f"yaw_rate.{units[0]}"
     if not missing_for_mass([*proposed.signals, *others]) and not any(
         is_of(name, STEER, *MOTION) for name in proposed.signals
     ):

@@ -53,7 +53,7 @@ def rollover(truck: Truck, *, effective_track: bool = False) -> tuple[Rollover, 
     """The rollover of each roll-coupled set, front to rear; with the effective track of tyres that yield sideways.
 
     Raises:
-        VehicleError: the axle loads are not determined, or a set of units does not stand upright.
+        VehicleError: the axle loads are not determined, or a set of units does not stand upright, or never rolls over.
     """
     return tuple(_of_set(truck, units, effective_track) for units in roll_coupled(truck.vehicle))
 
@@ -115,6 +115,7 @@ def _of_set(truck: Truck, units: list[int], effective_track: bool) -> Rollover:
     on_ground = np.ones(len(groups), dtype=bool)
     limit, lifts = load * truck.body.half_track, dict[str, float]()
     reached, history = 0.0, [(0.0, np.zeros(len(units)))]
+    names = ", ".join(truck.vehicle.units[i].name for i in units)
     while True:
         S, slope, constant = weight.copy(), by_acceleration.copy(), np.zeros(len(units))
         np.add.at(S, (row[on_ground], row[on_ground]), stiffness[on_ground])
@@ -122,7 +123,6 @@ def _of_set(truck: Truck, units: list[int], effective_track: bool) -> Rollover:
         np.add.at(constant, row[~on_ground], -limit[~on_ground])
         if np.linalg.eigvalsh(S).min() <= 0:
             if on_ground.all():
-                names = ", ".join(truck.vehicle.units[i].name for i in units)
                 raise VehicleError(
                     f"{names}: its suspension does not keep it upright at rest; raise roll_stiffness of an axle group"
                 )
@@ -135,6 +135,10 @@ def _of_set(truck: Truck, units: list[int], effective_track: bool) -> Rollover:
         with np.errstate(divide="ignore"):
             lift = np.where(on_ground & (rate > 0), (limit - stiffness * at_rest[row]) / rate, np.inf)
         first = int(np.argmin(lift))
+        if not np.isfinite(lift[first]):
+            raise VehicleError(
+                f"{names}: no acceleration lifts its inner wheels; compare the heights of CoG, roll axis and couplings"
+            )
         reached = max(float(lift[first]), reached)
         history.append((reached, by_a * reached + at_rest))
         on_ground[first] = False

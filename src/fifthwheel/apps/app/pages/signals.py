@@ -8,6 +8,7 @@ from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
+from fifthwheel.apps.workflow.inputs import steered_axle
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
@@ -407,7 +408,7 @@ def objections(evidence: SignalEvidence, signal_map: SignalMap, truck: Vehicle |
         for name, channel in evidence.channels.items()
         if name not in reported and (channel.is_inverted or channel.is_late or channel.is_scaled)
     ]
-    return missing_signals(signal_map, units), doubtful
+    return missing_signals(signal_map, units, steered_axle(truck)), doubtful
 
 
 def _words(channel: ChannelEvidence) -> str:
