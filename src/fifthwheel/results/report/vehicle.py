@@ -26,7 +26,7 @@ from fifthwheel.results.report.conclusion import counted
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.spoken_names import spoken
 
-NOTHING_ASSUMED = "No number is assumed."
+NOTHING_ASSUMED = "The vehicle file states every number; its comments say where each comes from."
 SOURCES = {"driving": "ordinary driving", "weights": "axle loads and weights"}
 """Name of each measurement of a gross mass."""
 PARTS_OF_MASS = {
