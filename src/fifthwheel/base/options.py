@@ -107,7 +107,7 @@ class IdentifyOptions(Settings):
     road: Annotated[
         str | None,
         Option(
-            help="Name of the road of the logs, whose friction all logs on it share; by default each log has its own."
+            help="Name of the road of the logs, whose friction earlier logs of it share; by default only these logs do."
         ),
     ] = None
     form: Annotated[

@@ -68,7 +68,7 @@ CHOSEN = {
     "the gyro that lags is that of the trailer": (
         {"vx": (SPEED, 1), "steer": (STEER, 1), "gyro_z a": (YAW2, 1), "gyro_z b": (YAW, 1)},
         {YAW: "gyro_z b", YAW2: "gyro_z a"},
-        {YAW2: "it lags the other gyro"},
+        {YAW2: "it lags the first gyro"},
     ),
     "all columns with the name of the gyro that lags": (
         {"vx": (SPEED, 1), "steer": (STEER, 1), "gyro_z a": (YAW2, 1), "gyro_z b": (YAW, 1), "gyro_x a": (YAW2, 1)},
@@ -234,3 +234,17 @@ def test_numbers_count_the_trailers_and_the_steered_axle_has_its_name(tmp_path, 
     assert signals["steer.lorry.steer"].sensor == "steering wheel"
     assert 14 < 1 / signals["steer.lorry.steer"].gain < 30
     assert signals["steer.lorry.steer"].sign * signals["yaw_rate.lorry"].sign == -1
+
+
+def test_gyros_are_of_the_units_in_the_order_of_their_lags(tmp_path, weaving):
+    """Names say nothing; each takes the other columns of its device with it."""
+    late = {f"yaw_rate.{lag}": np.roll(weaving.signals[YAW], 20 * lag) for lag in (0, 1, 2)}
+    record = weaving.with_signals({**weaving.signals, **late})
+    columns = {"vx": (SPEED, 1), "steer": (STEER, 1)}
+    columns |= {f"gyro_{axis} {name}": (f"yaw_rate.{lag}", 1) for axis in "zx" for lag, name in enumerate("qbm")}
+    _, proposal = survey_and_proposal(write_log(tmp_path, record, columns), units=("lorry", "lead", "last"))
+    mapped = {signal: source.column for signal, source in proposal.signals.signals.items()}
+    for unit, name in (("lorry", "q"), ("lead", "b"), ("last", "m")):
+        assert mapped[f"yaw_rate.{unit}"] == f"gyro_z {name}"
+        assert mapped[f"roll_rate.{unit}"] == f"gyro_x {name}"
+    assert "it lags the first gyro by 0.80 s" in proposal.reasons["yaw_rate.last"]

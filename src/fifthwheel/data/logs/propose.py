@@ -247,7 +247,7 @@ def propose_map(
     named = SignalMap.of_columns(survey.contents)
     mapped = {channel.column for part in named for channel in part.values()}
     candidates, axle_loads, relative = _candidates(survey, units, steered, mapped)
-    towed_reason = _assign_towed_gyro(log, survey, candidates, units)
+    towed = _assign_towed_gyros(log, survey, candidates, units)
     signals, reference = ({**part} for part in named)
     reasons = {signal: "the column has this name" for part in named for signal in part}
     others: dict[str, Sequence[str]] = {"axle_load.<axle group>": axle_loads}
@@ -262,8 +262,8 @@ def propose_map(
             by_magnitude = f"; unit {unit} by its magnitude" if unit not in (log_unit, best.unit) else ""
             reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}{by_magnitude}"
         others[signal] = [hint.column for hint in hints if hint is not best]
-    if towed_reason:
-        reasons[f"yaw_rate.{units[-1]}"] += f"; {towed_reason}"
+    for signal, reason in towed.items():
+        reasons[signal] += f"; {reason}"
     if "speed" not in signals:
         _assign_speed(survey, signals, reasons, others, units[0])
     if not names_of(YAW_RATE, signals):
@@ -374,34 +374,54 @@ def _assign_course(survey: LogSurvey, signals: dict[str, SignalSource], reasons:
             return
 
 
-def _assign_towed_gyro(
+def _assign_towed_gyros(
     log: LogSource, survey: LogSurvey, candidates: dict[str, list[ColumnHint]], units: Sequence[str]
-) -> str | None:
-    """Move a gyro that lags the others, and all channels of its device, to the last unit; the reason in words."""
-    leading, towed = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
-    gyros = [hint for hint in candidates.get(leading, []) if hint.trailing is None]
-    if towed in candidates or len(gyros) < 2 or len(units) < 2:
-        return None
+) -> dict[str, str]:
+    """Move gyros that lag the others, and all channels of their devices, to towed units; the reasons by signal.
+
+    As many gyros as units are those of the units in the order of their lags; else the last one is of the last unit.
+    """
+    gyros = [hint for hint in candidates.get(f"yaw_rate.{units[0]}", []) if hint.trailing is None]
+    if any(f"yaw_rate.{unit}" in candidates for unit in units[1:]) or len(gyros) < 2 or len(units) < 2:
+        return {}
     channels = {f"yaw_rate.gyro{k}": SignalSource(column=hint.column) for k, hint in enumerate(gyros)}
     try:
         record = assemble(log, at_coarse_rate(SignalMap(signals=channels)), name=log.name)
     except SignalError:
-        return None
-    lags = [_lag(record, signal) for signal in channels]
-    last = int(np.argmax(lags))
-    if lags[last] - min(lags) < _MIN_TOWED_LAG:
-        return None
-    clocks = [survey.contents[hint.column].column.clock for hint in gyros]
-    device = clocks[last] if clocks.count(clocks[last]) == 1 else None
-    words = [set(hint.words.split("_")) for hint in gyros]
-    own = words[last].difference(*words[:last], *words[last + 1 :])
-    for signal in [signal for signal in candidates if SignalName.of(signal).place == units[0]]:
+        return {}
+    lags = np.array([_lag(record, signal) for signal in channels])
+    order = np.argsort(lags, kind="stable")
+    if len(gyros) != len(units) or np.diff(lags[order]).min() < _MIN_TOWED_LAG:
+        order, units = order[[0, -1]], (units[0], units[-1])
+    if lags[order[-1]] - lags[order[0]] < _MIN_TOWED_LAG:
+        return {}
+    for last, unit in zip(order[1:].tolist(), units[1:], strict=True):
+        _move_device(survey, candidates, units[0], unit, gyros[last], [g for g in gyros if g is not gyros[last]])
+    behind = zip(order[1:], units[1:], strict=True)
+    return {
+        f"yaw_rate.{unit}": f"it lags the first gyro by {lags[k] - lags[order[0]]:.2f} s, as a towed unit does"
+        for k, unit in behind
+    }
+
+
+def _move_device(
+    survey: LogSurvey,
+    candidates: dict[str, list[ColumnHint]],
+    leading: str,
+    unit: str,
+    gyro: ColumnHint,
+    others: Sequence[ColumnHint],
+) -> None:
+    """Move a gyro, and the columns with its own clock or the words that only its name has, to another unit."""
+    clock = survey.contents[gyro.column].column.clock
+    alone = clock not in [survey.contents[other.column].column.clock for other in others]
+    own = set(gyro.words.split("_")).difference(*[other.words.split("_") for other in others])
+    for signal in [signal for signal in candidates if SignalName.of(signal).place == leading]:
         for hint in [*candidates[signal]]:
             named = bool(own) and own <= set(hint.words.split("_"))
-            if hint is gyros[last] or named or survey.contents[hint.column].column.clock == device:
-                candidates.setdefault(f"{SignalName.of(signal).quantity}.{units[-1]}", []).append(hint)
+            if hint is gyro or named or (alone and survey.contents[hint.column].column.clock == clock):
+                candidates.setdefault(f"{SignalName.of(signal).quantity}.{unit}", []).append(hint)
                 candidates[signal].remove(hint)
-    return f"it lags the other gyro by {lags[last] - min(lags):.2f} s, as a towed unit does"
 
 
 def _lag(record: Record, name: str) -> float:

@@ -254,7 +254,7 @@ def _offset_finding(offset: TimeOffset, time_bases: Mapping[str, str]) -> Findin
     cure = remedy_text({"delay": uncertain_delay(delay, sigma)})
     if others:
         late, cure = f"{late}, like {', '.join(others)}", f"{cure} for each of them"
-    problem = f"{late}; {cure}, more if it has a delay already"
+    problem = f"{late}; {cure}, added to a delay that it has"
     return warning(signal, Fault.TIME_OFFSET, problem, remedy={"delay": delay}, sigma=sigma, others=tuple(others))
 
 

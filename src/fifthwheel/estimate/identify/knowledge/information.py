@@ -40,7 +40,7 @@ class Occasion:
     load: str = ""
     """Name of its load."""
     road: str = ""
-    """Name of the road, whose friction all logs on it share; empty: that of each log is its own."""
+    """Name of the road, whose friction all logs on it share; empty: only the logs of one identification do."""
     date: datetime.datetime | None = None
     """UTC; None takes that of the log, or today if it has none."""
 
