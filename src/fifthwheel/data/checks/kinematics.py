@@ -229,7 +229,8 @@ def _front_steer(record: Record) -> str | None:
     """The steer angle of the axle that is named front, or the only one, if there is one."""
     steers = names_of(STEER, record.signals)
     named = [name for name in steers if SignalName.of(name).part == "front"]
-    return next(iter(named or steers), None) if named or len(steers) == 1 else None
+    found = named or (steers if len(steers) == 1 else ())
+    return found[0] if found else None
 
 
 def _used_differences(record: Record) -> list[str]:

@@ -382,7 +382,7 @@ def _assign_towed_gyros(
     As many gyros as units are those of the units in the order of their lags; else the last one is of the last unit.
     """
     gyros = [hint for hint in candidates.get(f"yaw_rate.{units[0]}", []) if hint.trailing is None]
-    if any(f"yaw_rate.{unit}" in candidates for unit in units[1:]) or len(gyros) < 2 or len(units) < 2:
+    if len(units) < 2 or len(gyros) < 2 or f"yaw_rate.{units[-1]}" in candidates:
         return {}
     channels = {f"yaw_rate.gyro{k}": SignalSource(column=hint.column) for k, hint in enumerate(gyros)}
     try:
@@ -391,7 +391,8 @@ def _assign_towed_gyros(
         return {}
     lags = np.array([_lag(record, signal) for signal in channels])
     order = np.argsort(lags, kind="stable")
-    if len(gyros) != len(units) or np.diff(lags[order]).min() < _MIN_TOWED_LAG:
+    named = any(f"yaw_rate.{unit}" in candidates for unit in units[1:])
+    if named or len(gyros) != len(units) or np.diff(lags[order]).min() < _MIN_TOWED_LAG:
         order, units = order[[0, -1]], (units[0], units[-1])
     if lags[order[-1]] - lags[order[0]] < _MIN_TOWED_LAG:
         return {}
