@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from fifthwheel.data.logs.can.database import Frame
-from fifthwheel.data.record.timestamps import DATES
+from fifthwheel.data.record.timestamps import origin
 
 MAX_LATE = 0.02
 """s; a frame that is further behind the newest one is not out of order, but of another time."""
@@ -47,7 +47,7 @@ class TimeBase:
 
     def start(self, time: float) -> None:
         """Choose the origin for a first time of the bus, s: the node's time starts near 0, as that of a log does."""
-        self.origin = math.floor(time) if time >= DATES[0] else 0.0
+        self.origin = origin(time)
 
     def advance(self, time: float) -> None:
         """The node's time is at least this, s, also without a frame."""

@@ -21,13 +21,13 @@ from fifthwheel.data.record.full_turns import Unwrapped
 from fifthwheel.data.record.record import Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.data.record.timestamps import (
-    DATES,
     SLOWEST_SPEED,
     HeldSamples,
     Renewals,
     RepeatedTimestamps,
     implausible_timestamps,
     instant,
+    origin,
     typical_step,
     utc_date,
 )
@@ -106,11 +106,10 @@ def assemble(
         samples[key], of_samples = _samples(key[1], channel, log, of_channel, rows)
         notes += of_samples
     time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
-    origin = log.start
-    if time[0] >= DATES[0]:
-        origin = start = float(np.floor(time[0]))
-        notes.append(f"time begins at {instant(start)}, shifted to 0")
-        time = time - start
+    begin = log.start
+    if shift := origin(time[0]):
+        notes.append(f"time begins at {instant(shift)}, shifted to 0")
+        begin, time = shift, time - shift
     record = Record(
         time=time,
         signals={signal: values for (part, signal), values in aligned.items() if part == "signals"},
@@ -119,7 +118,7 @@ def assemble(
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
         sensors=_sensors(log, signal_map.signals),
-        date=None if origin is None else utc_date(origin),
+        date=None if begin is None else utc_date(begin),
     )
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
@@ -373,8 +372,8 @@ def _samples(
     present = np.flatnonzero(np.isfinite(values))
     spiky = spike_mask(signal, first.time[present], values[present])
     if spiky.any():
-        start = np.floor(first.time[0]) if first.time[0] >= DATES[0] else 0.0
-        notes.append(f"{signal}: {spike_note(signal, first.time[present] - start, values[present], spiky)}")
+        elapsed = first.time[present] - origin(first.time[0])
+        notes.append(f"{signal}: {spike_note(signal, elapsed, values[present], spiky)}")
         values = values.copy()
         values[present[spiky]] = np.nan
     time, held = first.time - delay, first.held.get(column)

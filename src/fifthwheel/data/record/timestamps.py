@@ -46,6 +46,11 @@ def utc_date(time: float) -> datetime | None:
     return datetime.fromtimestamp(time, UTC) if DATES[0] <= time < DATES[1] else None
 
 
+def origin(time: float) -> float:
+    """The instant, s, from which a log that begins at a time counts: its first whole second, if it is since 1970."""
+    return float(np.floor(time)) if time >= DATES[0] else 0.0
+
+
 def instant(time: float) -> str:
     """A timestamp in words: the date where s count from 1970."""
     date = utc_date(time)

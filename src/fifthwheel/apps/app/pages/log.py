@@ -1,7 +1,6 @@
 """The logs of the workspace: what they contain, plots of their channels, and windows that are left out."""
 
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
@@ -17,6 +16,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.logs.row_time import find_row_time
 from fifthwheel.data.logs.stored import StoredLog
 from fifthwheel.data.logs.survey import ColumnContent, LogSurvey
+from fifthwheel.data.record.timestamps import instant, origin
 from fifthwheel.results.report.logs import column_cells
 
 ROWS = 25
@@ -33,8 +33,6 @@ _PANEL = 130
 """Height of the plot of a channel, pixels."""
 SPIKES = " (spikes outside the axis: double-click shows them)"
 """Behind the title of a plot."""
-_EPOCH = 1e8
-"""s; a time that begins later counts from 1970."""
 
 
 def build(workspace: Workspace) -> None:
@@ -228,7 +226,7 @@ class _View:
     def __init__(self, workspace: Workspace, name: str, log: StoredLog, shown: list[str]) -> None:
         self._workspace, self._name, self._log, self._shown = workspace, name, log, shown
         self._whole = log.span()
-        self._origin = float(np.floor(self._whole[0])) if self._whole[0] > _EPOCH else 0.0
+        self._origin = origin(self._whole[0])
         self._range = self._whole
         self._selecting = False
 
@@ -288,7 +286,7 @@ class _View:
     def _described(self, lines: Sequence[_Course]) -> Plot:
         empty = (np.array([np.nan]), np.array([np.nan]), None)
         spans = [Span(*self._relative(window)) for window in self._excluded()]
-        at = f" after {datetime.fromtimestamp(self._origin, UTC):%Y-%m-%d %H:%M:%S} UTC" if self._origin else ""
+        at = f" after {instant(self._origin)}" if self._origin else ""
         panels = [
             Panel(
                 title=layout.plain(column) + SPIKES * (visible is not None),
@@ -312,8 +310,8 @@ class _View:
         return max(low + self._origin, self._whole[0]), min(high + self._origin, self._whole[1])
 
     def _choose(self, window: tuple[float, float]) -> None:
-        for field, instant in zip((self._from, self._to), self._relative(window), strict=True):
-            field.value = layout.shown_number(instant, _INSTANT)
+        for field, end in zip((self._from, self._to), self._relative(window), strict=True):
+            field.value = layout.shown_number(end, _INSTANT)
 
     async def _show(self, window: tuple[float, float]) -> None:
         self._range = window if window[1] > window[0] else self._whole

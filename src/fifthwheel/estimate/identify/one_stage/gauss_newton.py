@@ -24,7 +24,7 @@ SMALLEST_RADIUS = 1e-9
 SMALLEST_RATIO = 1e-3
 """A step is taken if the cost decreases by more than this fraction of the predicted decrease."""
 FAIR_TRIAL = 2
-"""Points that a search may accept before its cost can be hopeless."""
+"""Points that a search accepts before its cost can be hopeless: a gross error bends the first steps."""
 LEAST_RATIO = -2.0
 """A step with a smaller ratio is not shortened along its direction: the trust region gives a better one."""
 
