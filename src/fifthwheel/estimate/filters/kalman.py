@@ -100,20 +100,15 @@ def observe(
 
 def report_outputs(
     model: Model, x: Matrix, covariance: Matrix, effects: Matrix, d: Matrix, c: Matrix
-) -> tuple[Matrix, Matrix]:
-    """Outputs (m,) of another model of the same state, and their variances without measurement noise.
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Outputs (m,) of another model of the same state, their variances without measurement noise, and by the unknowns.
 
     `effects` (n + k, j) are the changes of the state and of k considered parameters by j independent unknowns of unit
     variance; (n, 0) without any.
     """
     outputs, slopes = observe(model, x, d, type(x)(0, 1), c)
-    H = slopes[:, : x.shape[0]]
-    return outputs, ca.sum2((H @ covariance) * H) + variances_by(effects, slopes)
-
-
-def variances_by(effects: Matrix, slopes: Matrix) -> Matrix:
-    """Variances (m,) that the unknowns of `report_outputs` cause, by the derivatives H (m, n + k) of `observe`."""
-    return ca.sum2((slopes[:, : effects.shape[0]] @ effects) ** 2)
+    H, of_unknowns = slopes[:, : x.shape[0]], ca.sum2((slopes[:, : effects.shape[0]] @ effects) ** 2)
+    return outputs, ca.sum2((H @ covariance) * H), of_unknowns
 
 
 def correct(
@@ -229,7 +224,7 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
     results = smoothed, pack(P_smoothed)
     if report is not None:
-        results = report_outputs(report, smoothed, P_smoothed, ca.SX(n_x, 0), d, c_report)
+        results = report_outputs(report, smoothed, P_smoothed, ca.SX(n_x, 0), d, c_report)[:2]
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
         correction = ca.SX.eye(n_x) - gain @ row

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Self
 
+import casadi as ca
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_names, expect_optional, expect_sample
@@ -22,7 +23,12 @@ from fifthwheel.data.record.derived import sample_with_differences, sides_of
 from fifthwheel.estimate.filters.variances import require_units
 from fifthwheel.estimate.observe import monitor, offline
 from fifthwheel.estimate.observe.observer_model import ObserverModel, signals_with_position
-from fifthwheel.estimate.observe.observer_step import ObservedChain, reported_signals
+from fifthwheel.estimate.observe.observer_step import (
+    ObservedChain,
+    TrackedLayout,
+    observer_function,
+    reported_signals,
+)
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
@@ -125,6 +131,11 @@ class Observer:
         return self._model.scan
 
     @property
+    def function(self) -> ca.Function:
+        """The step as exported, see `observer_function`."""
+        return observer_function(self._model.model, self._model.report)
+
+    @property
     def constant(self) -> Array:
         """The constant of the compiled step (n_constant,): vehicle, noise and settings, see `observer_step`."""
         return np.array(self._filter.constant)
@@ -161,7 +172,7 @@ class Observer:
             answer = self._without_states.copy()
             answer["time"] = self.stream.time
             if status in VALID:
-                out = self._filter.out.tolist()
+                out = self._filter.reported.tolist()
                 answer.update(zip(self._names, out, strict=False))
                 answer["nis"] = nis = out[-2]
                 status = monitor.health(status, out[-3], nis, self.settings.max_nis)
@@ -229,8 +240,9 @@ class Observer:
 
 
 class _ObserverFilter:
-    """The compiled step of an observer for one sample; `row` and `out` are the memory of its sample and output.
+    """The compiled step of an observer for one sample.
 
+    `row` and `out` are the memory of its sample and output, `reported` the part of `out` that is not for sensitivities.
     Everything but the carry is built when it is first used.
     """
 
@@ -245,6 +257,7 @@ class _ObserverFilter:
     carry = lazy(lambda self: np.zeros(self._model.scan.n_carry))
     row: Any = lazy(lambda self: np.zeros(self._model.scan.n_sample).data)
     out: Any = lazy(lambda self: np.zeros(self._model.scan.n_output).data)
+    reported: Any = lazy(lambda self: self.out[sum(TrackedLayout.of(self._model.model, self._model.report)) :])
 
     @lazy
     def step(self) -> Callable[[], None]:

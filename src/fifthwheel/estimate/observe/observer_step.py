@@ -19,7 +19,7 @@ percent, and needs ten times the operations. It is the difference of two filters
 """
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Generic, NamedTuple
 
@@ -197,11 +197,7 @@ class FilterStep(NamedTuple, Generic[Matrix]):
     considered: Matrix  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate[Matrix]]
     carry: Matrix  # of the next step, as in `ObserverLayout`
-    gains: tuple[Matrix, ...] = ()  # of each channel of an extended Kalman filter, (n, 1)
-
-
-FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
-"""(model, layout, carry, sample, constant) -> one step of a filter."""
+    gains: list[Matrix]  # of each channel, (n, 1)
 
 
 def filter_step(
@@ -224,7 +220,7 @@ def filter_step(
         x, P, s, channel, gain = kalman.correct_channel(x, P, y[i] - predicted, row, weight[i], r[i], limit, s, effect)
         channels.append(channel)
         gains.append(gain)
-    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(gains))
+    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), gains)
 
 
 def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
@@ -232,34 +228,47 @@ def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
     return ca.vertcat(ca.reshape(s, n, sigma.shape[0]), ca.diag(sigma))
 
 
+class TrackedLayout(NamedTuple):
+    """Numbers of elements of what an output has for sensitivities."""
+
+    after: int  # state after the step
+    gains: int  # of the channels, 0 for one that is missing or not accepted
+    of_bank: int  # variances of the reported signals that a considered bank causes
+
+    @classmethod
+    def of(cls, model: ObservedChain, report: ObservedChain) -> "TrackedLayout":
+        """The layout for an observer."""
+        n, _, _, _, m = sizes(model)
+        return cls(n, n * m, len(report.outputs))
+
+
 @compiled(functools.partial(Scan, matrices=True))
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step of an observer; see `monitored_step`."""
-    return monitored_step(model, report, filter_step, ca.MX)
+    """The compiled step of an observer, with the parts of `TrackedLayout` before the output of `observer_function`."""
+    return observer_function(model, report, tracked=True)
 
 
-def monitored_step(
-    model: ObservedChain, report: ObservedChain, filter_step: FilterFunction[Matrix], kind: type[Matrix]
-) -> ca.Function:
-    """A filter of `model` with the outputs of `report`, their variances, and the monitor, with matrices of a type.
+def observer_function(model: ObservedChain, report: ObservedChain, *, tracked: bool = False) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
     considered bank, settings of the monitor]; output = [reported, their sigmas, innovation, variance, accepted,
     settling, NIS, restart].
     """
     layout = ObserverLayout.of(model, report)
-    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=kind)
-    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=kind)
-    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=kind)
+    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=ca.MX)
+    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=ca.MX)
+    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=ca.MX)
     _, _, _, limit, c_report, sigma = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
     effects = _effects(step.considered, len(model.states), sigma)
-    reported, variances = kalman.report_outputs(report, step.after, step.covariance, effects, d, c_report)
+    reported, own, of_bank = kalman.report_outputs(report, step.after, step.covariance, effects, d, c_report)
     channels = kalman.channel_columns(step.channels)
-    arguments = [monitored, channels, weight, dt, d, limit, monitor_settings, reported, variances]
+    arguments = [monitored, channels, weight, dt, d, limit, monitor_settings, reported, own + of_bank]
     monitored, sigmas, findings = _findings(model, len(report.outputs)).call(arguments)
-    carried, output = ca.vertcat(step.carry, monitored), ca.vertcat(reported, sigmas, channels, findings)
-    return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})
+    before = [step.after, *step.gains, of_bank] if tracked else []
+    carried, output = ca.vertcat(step.carry, monitored), ca.vertcat(*before, reported, sigmas, channels, findings)
+    return ca.Function("observer", [carry, sample, constant], [carried, ca.densify(output)], {"cse": True})
 
 
 def _findings(model: ObservedChain, n_report: int) -> ca.Function:
@@ -276,38 +285,6 @@ def _findings(model: ObservedChain, n_report: int) -> ca.Function:
     raised = monitor.excess(nis) * variances
     sigmas = ca.sqrt(ca.if_else(raised < 0, 0, raised))  # not a number remains so
     return ca.Function("findings", arguments, [carry, sigmas, ca.vertcat(settling, nis, restart)], {"cse": True})
-
-
-class TrackedLayout(NamedTuple):
-    """Numbers of elements of the parts of an output of `tracked_step`."""
-
-    x: int  # state before the step
-    gains: int  # of the channels
-    after: int  # state after the step
-    of_bank: int  # variances of the reported signals that a considered bank causes
-
-    @classmethod
-    def of(cls, model: ObservedChain, report: ObservedChain) -> "TrackedLayout":
-        """The layout for an observer."""
-        n, _, _, _, m = sizes(model)
-        return cls(n, n * m, n, len(report.outputs))
-
-
-@compiled(functools.partial(Scan, matrices=True))
-def tracked_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step of the filter with what its sensitivities need: `TrackedLayout`.
-
-    carry, sample and constant are those of `observer_step` without those of the monitor.
-    """
-    layout = ObserverLayout.of(model, report)
-    carry, sample, constant = (ca.MX.sym(name, sum(part)) for name, part in zip(layout._fields, layout, strict=True))
-    step = filter_step(model, layout, carry, sample, constant)
-    (x, *_), (_, d, *_), (*_, c_report, sigma) = map(split, (carry, sample, constant), layout)
-    _, slopes = kalman.observe(report, step.after, d, ca.MX(0, 1), c_report)
-    effects = _effects(step.considered, len(model.states), sigma)
-    of_bank = kalman.variances_by(effects, slopes)
-    output = ca.densify(ca.vertcat(x, *step.gains, step.after, of_bank))
-    return ca.Function("tracked", [carry, sample, constant], [step.carry, output], {"cse": True})
 
 
 @compiled(functools.partial(Scan, lanes=8, optimised=True))

@@ -1,5 +1,6 @@
 """States of a record: filtered, as they would be on-line, or smoothed with all samples."""
 
+from collections import deque
 from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple, Self
@@ -14,11 +15,15 @@ from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import packed_size
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.estimate.observe.observer_model import ObserverModel
-from fifthwheel.estimate.observe.parameter_variance import SigmaPoints, parameter_variance, sigma_point_variance
+from fifthwheel.estimate.observe.observer_step import TrackedLayout
+from fifthwheel.estimate.observe.parameter_variance import Sensitivities, SigmaPoints, sigma_point_variance
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
 from fifthwheel.model.dynamics.unit_equations import BANK
+
+CHUNK = 1_000
+"""Number of rows in one pass; it bounds the memory for long records."""
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
@@ -61,6 +66,12 @@ class Outputs(NamedTuple):
         self.reported[:], self.innovation[:], accepted, findings = np.split(filtered, edges, axis=1)
         self.accepted[:], self.settling[:], self.nis[:] = accepted > 0, findings[:, 0] > 0, findings[:, 1]
 
+    def add(self, variance: Array) -> None:
+        """Add the variance (M, n) of what is uncertain to the sigmas of the reported signals at the first M samples."""
+        sigmas = np.hsplit(self.reported, 2)[1][: len(variance)]
+        excess, raised = monitor.excess(self.nis[: len(variance), None]), sigmas**2
+        sigmas[:] = np.sqrt(_total_variance(raised / excess, raised, excess, variance))
+
 
 def _outputs(
     record: Record, observer: ObserverModel, points: SigmaPoints, *, smooth: bool
@@ -71,18 +82,22 @@ def _outputs(
     output = Outputs.nothing(len(record.time), len(observer.report.outputs), len(stream.measured))
     for segment in segments:
         within, settings = output.at(segment.samples), observer.settings
-        for of_filter, start in filtered_parts(observer, segment, within):
+        for of_filter, start in filtered_parts(observer, segment, within, None if smooth else points):
+            if not smooth:
+                continue
             filtered = output.at(of_filter.samples)
             part = of_filter.with_accepted(filtered.accepted)  # smoother and sigma points use the same samples
-            if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
+            if is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
                 filtered.reported[:] = smoothed
                 _, sigmas = np.hsplit(filtered.reported, 2)
                 np.sqrt(sigmas, out=sigmas)  # of variances; a copy would need the memory of all states
-            elif points.steps.size:  # the states of the filter remain where the smoother diverges
-                add_parameter_variance(observer, part, start, filtered, points)
-            if smooth:  # later samples have agreed with the first ones
-                settled = np.flatnonzero(~filtered.settling)
-                filtered.settling[: settled[0] if settled.size else 0] = False
+            else:  # the smoother diverges: the states of the filter
+                own = Outputs.nothing(len(within.nis), len(observer.report.outputs), len(stream.measured))
+                deque(filtered_parts(observer, segment, own, points), maxlen=0)
+                first = of_filter.samples.start - segment.samples.start
+                filtered.reported[:] = own.reported[first : first + len(filtered.nis)]
+            settled = np.flatnonzero(~filtered.settling)  # later samples have agreed with the first ones
+            filtered.settling[: settled[0] if settled.size else 0] = False
         coasting = without_measurement(record.time[segment.samples], within.accepted, settings.coast)
         inconsistent = within.nis > settings.max_nis
         found = {Status.INCONSISTENT: inconsistent, Status.COASTING: coasting, Status.SETTLING: within.settling}
@@ -126,20 +141,6 @@ def smoothed_states(
     return result
 
 
-def add_parameter_variance(
-    observer: ObserverModel, part: StreamSegment, start: Array, output: Outputs, points: SigmaPoints
-) -> None:
-    """Add what is uncertain to the sigmas of the reported signals in the output of a filter.
-
-    Arguments as of `smoothed_states`.
-    """
-    effects, sigmas = observer.effects(part.first), np.hsplit(output.reported, 2)[1]
-    for rows, variance in parameter_variance(observer, points, effects, start, part.rows):
-        samples, indices = part.samples_of(rows)
-        excess, raised = monitor.excess(output.nis[samples, None]), sigmas[samples] ** 2
-        sigmas[samples] = np.sqrt(_total_variance(raised / excess, raised, excess, variance[indices]))
-
-
 def _total_variance(own: Array, raised: Array, excess: Array, variance: Array) -> Array:
     """Variance of signals of which `variance` is added to `own`, which innovations have `raised` by the excess."""
     total = np.maximum(own + variance, 0.0)
@@ -161,23 +162,39 @@ def _uncertain(
 
 
 def filtered_parts(
-    observer: ObserverModel, segment: StreamSegment, output: Outputs
+    observer: ObserverModel, segment: StreamSegment, output: Outputs, points: SigmaPoints | None
 ) -> Iterator[tuple[StreamSegment, Array]]:
     """The parts of a segment between restarts of the filter, each with [x, P] before its first row.
 
-    The outputs of the filter at the N samples of the segment are written to `output`, those of a part
-    before it is returned. As in `Observer.push`, the filter restarts at samples only; rows between the last sample of a
-    part and the restart belong to no part, because the filter may have diverged there.
+    The outputs of the filter at the N samples of the segment are written to `output`, those of a part before it is
+    returned; what is uncertain by `points` is in their sigmas. As in `Observer.push`, the filter restarts at samples
+    only; rows between the last sample of a part and the restart belong to no part, because the filter may have diverged
+    there.
     """
-    constant, start = observer.constant(), observer.start(segment.first)
+    constant, tracked = observer.constant(), sum(TrackedLayout.of(observer.model, observer.report))
+
+    def begin(row: int, *, suspect: bool) -> tuple[Array, Sensitivities | None]:
+        inputs, time = segment.inputs(row), float(segment.rows.time[row])
+        start = observer.start(inputs, suspect=suspect)
+        if points is None or not points.steps.size:
+            return start, None
+        return start, Sensitivities(observer, points, inputs, start[: len(observer.model.states)], time)
+
+    start, sensitivities = begin(0, suspect=False)
     carry, first, row = np.append(start, monitor.START), 0, 0
     while row < len(segment.rows):
-        chunk = slice(row, row + kalman.CHUNK)
+        chunk = slice(row, row + CHUNK)
         rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows[:]
         carry, filtered = observer.scan(carry, rows, constant)
         samples, indices = segment.samples_of(chunk)
-        output.at(samples).write(filtered[indices])
+        here = output.at(samples)
+        here.write(filtered[indices, tracked:])
         restarts = indices[filtered[indices, -1] > 0]
+        within = indices[indices < restarts[0]] if restarts.size else indices
+        if sensitivities and within.size:
+            stop = int(within[-1]) + 1 if restarts.size else len(rows)
+            variance = sensitivities.variance(segment.rows.time[chunk][:stop], rows[:stop], filtered[:stop])
+            here.add(variance[within])
         if not restarts.size:
             row = chunk.stop
             continue
@@ -185,7 +202,7 @@ def filtered_parts(
         row += restart
         before = segment.sample_indices[np.searchsorted(segment.sample_indices, row) - 1]
         yield segment.part(first, before + 1), start
-        first, start = row, observer.start(segment.inputs(row), suspect=True)
+        first, (start, sensitivities) = row, begin(row, suspect=True)
         carry = np.append(start, monitor.after_restart(filtered[restart, -2]))
     yield segment.part(first, len(segment.rows)), start
 

@@ -5,27 +5,23 @@ The variance of a signal is the sum of the squares of its changes along the colu
 of the parameters.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array, Indices
-from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.observer_step import (
     ObserverLayout,
     TrackedLayout,
     report_step,
     step_with_gains,
-    tracked_step,
 )
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, positive_parameters
 from fifthwheel.model.dynamics.unit_equations import BANK
 
-CHUNK = 1_000
-"""Number of rows in one pass; it bounds the memory for long records."""
 SPACING = 0.04
 """Time in which the derivatives of a step are taken as constant, s; changes are interpolated within it."""
 SETTLED = 1.0
@@ -63,47 +59,68 @@ class SigmaPoints(NamedTuple):
         return cls(np.array(constants), steps, np.array(slopes), BANK in uncertainty.names)
 
 
-def parameter_variance(
-    observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: SampleRows
-) -> Iterator[tuple[slice, Array]]:
-    """Variance (M, n) of the n reported signals, as a filter gives them, over the parameters: M of N rows at a time.
+class Sensitivities:
+    """Changes of a filter's state and reported signals along the uncertain directions, from its start on.
 
-    With the bank among them, it is without the variance of the filter, which considers the bank itself. `effects` is
-    the change (u, n_x) of the first state per unit of bank and offsets; `start`, [x, P, s] before the first row, does
-    not depend on the other parameters, because P is wide enough.
+    Args:
+        observer: whose filter it is.
+        points: of its uncertain parameters.
+        inputs: speed and steer angles at the start, by name.
+        start: state (n_x,) there. It does not depend on parameters but bank and offsets, because P is wide enough.
+        time: of the start, s.
     """
-    models = observer.model, observer.report
-    layout = ObserverLayout.of(*models)
-    n_c, *between, n_report, _ = layout.constant
-    _, n_d, n_y, _ = layout.sample
-    directions = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
-    first_report = n_c + sum(between)
-    constant = observer.constant(gate=np.inf)[: sum(layout.constant)]
-    c, c_report = constant[:n_c], constant[first_report : first_report + n_report]
-    carry, change = start, (points.unknowns @ effects).T
-    n, k = change.shape
-    of_state = np.vstack([np.zeros((k, n)), np.eye(n)])  # along the directions, and each state
-    of_filter = np.vstack([directions[:, :n_c], np.zeros((n, n_c))])
-    of_report = directions[:, first_report : first_report + n_report]
-    for begins, stop in _row_groups(rows.time):
-        chunk, counts = slice(int(begins[0]), stop), np.diff(begins, append=stop)
-        samples, groups = rows[chunk], begins - begins[0]
-        carry, tracked = tracked_step(*models)(carry, samples, constant)
-        time = rows.time[chunk]
-        x, gains, after, bank = np.split(tracked, np.cumsum(TrackedLayout.of(*models))[:-1], axis=1)
-        middle, last = groups + counts // 2, groups + counts - 1
-        dt, gains = (np.add.reduceat(a, groups) / counts[:, None] for a in (samples[:, :1], gains))
+
+    def __init__(
+        self, observer: ObserverModel, points: SigmaPoints, inputs: Mapping[str, float], start: Array, time: float
+    ) -> None:
+        self._models, self._with_bank = (observer.model, observer.report), points.with_bank
+        layout = ObserverLayout.of(*self._models)
+        n_c, *between, n_report, _ = layout.constant
+        of_report = slice(n_c + sum(between), n_c + sum(between) + n_report)
+        constant = observer.constant()
+        directions = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
+        n, k = len(start), len(directions)
+        self._constants = constant[:n_c], constant[of_report]
+        self._directions = np.vstack([directions[:, :n_c], np.zeros((n, n_c))]), directions[:, of_report]
+        self._of_state = np.vstack([np.zeros((k, n)), np.eye(n)])[:, None]  # along the directions, and each state
+        self._state, self._change = start, (points.unknowns @ observer.effects(inputs)).T
+        self._settled, self._edge = time + SETTLED, (np.empty(0), np.empty((0, layout.carry[0], k)))
+
+    def variance(self, time: Array, samples: Array, output: Array) -> Array:
+        """Variance (M, n) of the n reported signals, as a filter gives them, over the parameters.
+
+        With the bank among them, it is without the variance of the filter, which considers the bank itself. `time` (M,)
+        and `samples` are M rows after those of the last call, and `output` that of `observer_step`.
+        """
+        _, n_d, n_y, _ = ObserverLayout.of(*self._models).sample
+        begins = _row_groups(time, self._settled)
+        counts = np.diff(begins, append=len(time))
+        after, gains, bank, _ = np.split(output, np.cumsum(TrackedLayout.of(*self._models)), axis=1)
+        before, self._state = np.vstack([self._state, after[:-1]]), after[-1]
+        middle, last = begins + counts // 2, begins + counts - 1
+        dt, gains = (np.add.reduceat(a, begins) / counts[:, None] for a in (samples[:, :1], gains))
         sample = np.hstack([dt, samples[middle, 1 : 1 + n_d + n_y], gains])
-        slopes = _slopes(step_with_gains(models[0]), sample, x[middle], of_state[:, None, :], c, of_filter)
-        b, A = slopes[..., :k], slopes[..., k:]
-        changes = np.empty_like(b)
+        k = self._change.shape[1]
+        slopes = _slopes(
+            step_with_gains(self._models[0]),
+            sample,
+            before[middle],
+            self._of_state,
+            self._constants[0],
+            self._directions[0],
+        )
+        b, A, changes = slopes[..., :k], slopes[..., k:], np.empty_like(slopes[..., :k])
         for i, count in enumerate(counts.tolist()):
             for _ in range(count):
-                change = A[i] @ change + b[i]
-            changes[i] = change
-        d = samples[last, 1 : 1 + n_d]
-        slopes = _slopes(report_step(*models), d, after[last], np.moveaxis(changes, 2, 0), c_report, of_report)
-        yield chunk, _interpolated_squares(slopes, time[last], time) - points.with_bank * bank
+                self._change = A[i] @ self._change + b[i]
+            changes[i] = self._change
+        d, moved = samples[last, 1 : 1 + n_d], np.moveaxis(changes, 2, 0)
+        slopes = _slopes(report_step(*self._models), d, after[last], moved, self._constants[1], self._directions[1])
+        at, known = time[last], self._edge
+        if len(known[0]):
+            at, slopes = np.append(known[0], at), np.concatenate([known[1], slopes])
+        self._edge = at[-1:], slopes[-1:]
+        return _interpolated_squares(slopes, at, time) - self._with_bank * bank
 
 
 def _slopes(step: Scan, sample: Array, x: Array, x_dot: Array, constant: Array, constant_dot: Array) -> Array:
@@ -119,14 +136,11 @@ def _slopes(step: Scan, sample: Array, x: Array, x_dot: Array, constant: Array, 
     return np.asarray(np.moveaxis(output[1:] - output[0], 0, 2) / STEP)
 
 
-def _row_groups(time: Array) -> Iterator[tuple[Indices, int]]:
-    """The N rows in groups of about `SPACING`: the first rows of the groups of a pass, and the end of the last one."""
-    single = int(np.searchsorted(time, time[0] + SETTLED))
-    size = max(int(SPACING * (len(time) - 1) / max(np.ptp(time), SPACING)), 1)
-    begins = np.concatenate([np.arange(single), np.arange(single, len(time), size)])
-    passes = np.split(begins, np.searchsorted(begins, np.arange(CHUNK, len(time), CHUNK)))
-    ends = [int(later[0]) for later in passes[1:]] + [len(time)]
-    return zip(passes, ends, strict=True)
+def _row_groups(time: Array, settled: float) -> Indices:
+    """The first of the M rows of each group of about `SPACING`; until the filter has settled, a group is one row."""
+    single = int(np.searchsorted(time, settled))
+    size = max(int(SPACING * (len(time) - 1) / max(np.ptp(time), 1e-9)), 1)  # of a single row 1
+    return np.concatenate([np.arange(single), np.arange(single, len(time), size)])
 
 
 def _interpolated_squares(slopes: Array, at: Array, time: Array) -> Array:
@@ -143,7 +157,7 @@ def _interpolated_squares(slopes: Array, at: Array, time: Array) -> Array:
 def sigma_point_variance(
     points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int, shape: tuple[int, int]
 ) -> Array:
-    """Variance of `parameter_variance` for N rows at once (N, n), which is `shape`, as a smoother gives them.
+    """Variance of `Sensitivities` for N rows at once (N, n), which is `shape`, as a smoother gives them.
 
     `start` is [x, P] before the first row, `run` the smoother, with an even number of vehicles in a pass.
     """

@@ -71,7 +71,7 @@ def observer_source(observer: Observer) -> str:
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
     }
-    step = with_constant(observer.scan.step, ca.DM(observer.constant))
+    step = with_constant(observer.function, ca.DM(observer.constant))
     return "\n".join(
         [
             *definitions(sizes, numbers),
