@@ -1,7 +1,7 @@
 """Throughput, memory and statistics of `fifthwheel fleet run` on simulated fleets.
 
     python benchmarks/fleet.py overhead --trips 40        CPU time per trip: identification alone, and in a run
-    python benchmarks/fleet.py scale --trips 2000         memory and throughput of a local cluster
+    python benchmarks/fleet.py scale --trips 2000         memory and throughput
     python benchmarks/fleet.py queue --trips 10000        the same without identification: the logs are missing
     python benchmarks/fleet.py coverage --trucks 30       coverage and changes on logs of the linear model
 
@@ -84,7 +84,7 @@ def cpu():
 
 
 def scale(folder, trips, jobs, settings):
-    """A run on a local cluster."""
+    """A run in processes of this computer."""
     measure(folder, make(folder, trips, trucks=max(trips // 20, 1), rate=25.0), jobs, settings)
 
 
@@ -107,11 +107,11 @@ def measure(folder, manifest, jobs, settings):
     print(f"wall {wall:.1f} s, CPU of all processes {cpu() - used:.1f} s, of trips {result.seconds:.1f} s")
     if result.seconds:
         print(f"logs {result.hours:.2f} h: {result.hours / result.seconds:.4f} trip-hours per s of CPU of a worker")
-    print(f"largest memory: this process with the scheduler {peaks.own:.0f} MB, a worker {peaks.child:.0f} MB")
+    print(f"largest memory: this process {peaks.own:.0f} MB, a worker {peaks.child:.0f} MB")
 
 
 def queue(folder, trips, jobs):
-    """Trips whose logs are missing: the work of scheduler, rows and tables without identification."""
+    """Trips whose logs are missing: the work of rows and tables without identification."""
     folder.mkdir(parents=True)
     lines = [f"logs/{k}.parquet,truck {k % 500},cheng_cebon_2011" for k in range(trips)]
     (folder / "manifest.csv").write_text("\n".join(["log,truck,vehicle", *lines]) + "\n")

@@ -1,18 +1,20 @@
-"""Many independent tasks: in this process, on all cores, or on a Dask cluster, a local one or any by its address."""
+"""Many independent tasks: in this process, in processes of this computer, or on a Dask cluster by its address."""
 
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
+from fifthwheel.base import native
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.lazy import require
 from fifthwheel.base.spelling import FrontEnd, front_end, spelled_for, start_front_end
@@ -21,18 +23,16 @@ S = TypeVar("S")
 T = TypeVar("T")
 R = TypeVar("R")
 
-WORKER_MEMORY = "1GB"
-"""Limit of each local worker; it is restarted beyond it, and its task is tried again."""
 TIMEOUT = 20.0
 """For a scheduler to answer, s."""
-LOCAL = {"distributed.comm.timeouts.connect": "3s", "distributed.worker.profile.enabled": False}
-"""Configuration of a local cluster: the time for a worker to answer; no profiler, which slows it down."""
 AHEAD = 4
-"""Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
+"""Tasks that wait for each process of a worker; the others wait here, so that memory is bounded."""
 REFRESH = 64
 """Results after which the number of workers is looked at again: workers may join and leave."""
+ATTEMPTS = 3
+"""Of a task that ends its process."""
 MAX_PROCESSES = 16
-"""Of `run_all`, by default."""
+"""Of this computer, by default."""
 _shared: list[Any] = []
 """What all tasks of a worker process share."""
 
@@ -44,52 +44,118 @@ class Lost:
     reason: str
 
 
+def run_all(
+    function: Callable[[S, T], R],
+    shared: S,
+    tasks: Sequence[T],
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+) -> Iterator[tuple[T, R | Lost]]:
+    """Each task with its result, in the order in which they end.
+
+    The function is at the top level of a module, so that another process can import it, and takes `shared`, which is
+    sent once to each process, and a task. `jobs` are processes, by default one per core up to `MAX_PROCESSES`; 1 is
+    this process. `scheduler` is the address of a Dask scheduler that computes instead. A task that ends its process is
+    tried again, and `Lost` after some attempts. When the iteration ends early, such as by Ctrl-C, so do the processes.
+
+    Raises:
+        FifthwheelError: `shared` or the function cannot be pickled, or the scheduler does not answer.
+    """
+    jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
+    if scheduler is None and min(jobs, len(tasks)) <= 1:
+        for task in tasks:
+            yield task, function(shared, task)
+        return
+    try:
+        pickle.dumps((function, shared))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise FifthwheelError(
+            f"jobs: cannot send an object to another process ({error}); define functions and classes at the top level"
+            " of a module, or compute with jobs=1"
+        ) from error
+    if scheduler is None:
+        yield from _run_in_processes(min(jobs, len(tasks)), function, shared, tasks)
+        return
+    with connected(scheduler) as client:
+        yield from run_on(client, function, shared, tasks)
+
+
+def results_of(function: Callable[[S, T], R], shared: S, tasks: Sequence[T], **where: Any) -> Iterator[tuple[T, R]]:
+    """`run_all`; a FifthwheelError instead of a task that is `Lost`."""
+    for task, result in run_all(function, shared, tasks, **where):
+        if isinstance(result, Lost):
+            raise FifthwheelError(f"{task}: {result.reason}")
+        yield task, result
+
+
+def _run_in_processes(
+    jobs: int, function: Callable[[S, T], R], shared: S, tasks: Sequence[T]
+) -> Iterator[tuple[T, R | Lost]]:
+    waiting = deque(tasks)
+    while waiting:
+        running: dict[Any, T] = {}
+        with suppress(BrokenProcessPool), _ended(process_pool(jobs, shared)) as pool:
+            while waiting or running:
+                while waiting and len(running) < AHEAD * jobs:
+                    future = pool.submit(_run, function, waiting[0])
+                    running[future] = waiting.popleft()
+                for future in wait(running, return_when=FIRST_COMPLETED)[0]:
+                    result = future.result()
+                    yield running.pop(future), result
+        for future, task in running.items():  # of which one has ended its process
+            ended = future.cancelled() or future.exception()
+            yield task, _run_alone(function, shared, task) if ended else future.result()
+
+
+def _run_alone(function: Callable[[S, T], R], shared: S, task: T) -> R | Lost:
+    """The result of a task that may end its process."""
+    for _ in range(ATTEMPTS):
+        with suppress(BrokenProcessPool), _ended(process_pool(1, shared)) as pool:
+            return pool.submit(_run, function, task).result()
+    return Lost(
+        f"its process ended {ATTEMPTS} times, for example for lack of memory; a script needs"
+        " `if __name__ == '__main__':` around the call; jobs=1 computes without other processes"
+    )
+
+
 @contextmanager
-def connected(scheduler: str | None = None, *, jobs: int | None = None) -> Iterator[Any]:
+def _ended(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """A pool whose processes end with the block, at once where an exception leaves it."""
+    try:
+        yield pool
+    except BaseException:
+        for process in list(pool._processes.values()):  # Python 3.14: terminate_workers
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator[Any]:
     """A client of a Dask cluster (`distributed.Client`).
 
     Args:
         scheduler: address such as "tcp://10.0.0.5:8786", whose workers have this version of fifthwheel. A scheduler
-            can run any code on its clients' data and workers: connect only to your own. None starts a local cluster
-            of processes, which listens on 127.0.0.1 only and ends with the block.
-        jobs: processes of the local cluster; by default one per core.
+            can run any code on its clients' data and workers: connect only to your own.
 
     Raises:
         FifthwheelError: Dask is not installed, or no scheduler answers.
     """
     distributed = require("distributed", "fleet")
-    dask = require("dask", "fleet")
-    cluster, local = None, {} if scheduler else LOCAL
-    with dask.config.set(local):
-        try:
-            if scheduler is None:
-                cluster = distributed.LocalCluster(
-                    n_workers=jobs,
-                    threads_per_worker=1,
-                    processes=True,
-                    host="127.0.0.1",
-                    dashboard_address="127.0.0.1:0",  # cannot be switched off; a free port, of this machine only
-                    memory_limit=WORKER_MEMORY,
-                    silence_logs="ERROR",
-                    env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-                )
-            try:
-                client = distributed.Client(cluster or scheduler, timeout=TIMEOUT, set_as_default=False)
-            except (OSError, ValueError, TimeoutError) as error:
-                raise FifthwheelError(
-                    f"scheduler: {scheduler} does not answer ({error}); expected the address of a Dask scheduler, such"
-                    " as tcp://10.0.0.5:8786"
-                ) from None
-            with client:
-                yield client
-        finally:
-            if cluster is not None:
-                cluster.close()
+    try:
+        client = distributed.Client(scheduler, timeout=TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise FifthwheelError(
+            f"scheduler: {scheduler} does not answer ({error}); expected the address of a Dask scheduler, such as"
+            " tcp://10.0.0.5:8786"
+        ) from None
+    with client:
+        yield client
 
 
-def run_on(
-    client: Any, function: Callable[[S, T], R], shared: S, tasks: Sequence[T] | Iterator[T]
-) -> Iterator[tuple[T, R | Lost]]:
+def run_on(client: Any, function: Callable[[S, T], R], shared: S, tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
     """Each task with its result, in the order in which they end.
 
     The function is at the top level of a module that the workers can import, and takes `shared`, which is sent once to
@@ -143,78 +209,19 @@ def _itself(value: T) -> T:
     return value
 
 
-def run_here(function: Callable[[S, T], R], shared: S, tasks: Iterable[T]) -> Iterator[tuple[T, R]]:
-    """Each task with its result, in this process and in their order."""
-    for task in tasks:
-        yield task, function(shared, task)
-
-
-def run_all(
-    function: Callable[[S, T], R],
-    shared: S,
-    tasks: Sequence[T],
-    *,
-    jobs: int | None = None,
-    scheduler: str | None = None,
-) -> Iterator[tuple[T, R]]:
-    """Each task with its result, in the order in which they end.
-
-    The function is at the top level of a module, so that another process can import it, and takes `shared`, which is
-    sent once to each process, and a task. `jobs` are processes, by default one per core up to `MAX_PROCESSES`; 1 is
-    this process. `scheduler` is the address of a Dask scheduler that computes instead. When the iteration ends early,
-    such as by Ctrl-C, tasks that have not started are cancelled.
-
-    Raises:
-        FifthwheelError: `shared` or the function cannot be pickled, a process was ended from outside, or the scheduler
-            does not answer.
-    """
-    if scheduler is not None:
-        _require_picklable(function, shared)
-        with connected(scheduler) as client:
-            for task, result in run_on(client, function, shared, tasks):
-                if isinstance(result, Lost):
-                    raise FifthwheelError(f"{task}: {result.reason}; give the workers more memory")
-                yield task, result
-        return
-    jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
-    if jobs <= 1 or len(tasks) <= 1:
-        yield from run_here(function, shared, tasks)
-        return
-    _require_picklable(function, shared)
-    pool = process_pool(min(jobs, len(tasks)), shared)
-    try:
-        futures = {pool.submit(_run, function, task): task for task in tasks}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenProcessPool as error:
-        raise FifthwheelError(
-            "a worker process ended before its task; a script needs `if __name__ == '__main__':` around the call, and"
-            " enough memory for each process; jobs=1 computes without other processes"
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
 def process_pool(jobs: int, shared: object = None) -> ProcessPoolExecutor:
     """A pool of so many processes, which end with this process; `shared` is sent to each once."""
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker, initargs=(shared, front_end()))
+    return ProcessPoolExecutor(
+        jobs, mp_context=context, initializer=_start_worker, initargs=(shared, front_end(), jobs)
+    )
 
 
-def _require_picklable(*objects: object) -> None:
-    try:
-        pickle.dumps(objects)
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise FifthwheelError(
-            f"jobs: cannot send an object to another process ({error}); define functions and classes at the top level"
-            " of a module, or compute with jobs=1"
-        ) from error
-
-
-def _start_worker(shared: Any, words: FrontEnd) -> None:
+def _start_worker(shared: Any, words: FrontEnd, jobs: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the process without a traceback
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _shared[:] = [shared]
+    native.share_cores(jobs)
     start_front_end(words)
 
 

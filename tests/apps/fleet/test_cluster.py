@@ -1,5 +1,6 @@
-"""Runs on a Dask cluster: workers that are killed, a run that is killed, an object store."""
+"""Tasks in processes and on a Dask cluster whose workers are killed; a run that is killed; an object store."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -10,7 +11,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from fifthwheel.apps.cluster import AHEAD, Lost, connected, run_on
+from fifthwheel.apps.cluster import AHEAD, ATTEMPTS, Lost, connected, run_all, run_on
 from fifthwheel.apps.fleet import report, run
 from fifthwheel.apps.fleet.dataset import TripDataset
 from fifthwheel.base.errors import FifthwheelError
@@ -18,7 +19,7 @@ from tests.apps.fleet.make import FAST, make_fleet
 
 pytestmark = pytest.mark.slow
 dask = pytest.importorskip("dask")
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 
 def kill_once(folder, task):
@@ -28,6 +29,13 @@ def kill_once(folder, task):
     if task == 2 or (task == 1 and attempts.read_text() == "x"):
         os.kill(os.getpid(), signal.SIGKILL)
     return task**2
+
+
+@contextlib.contextmanager
+def local_cluster():
+    """The address of a Dask scheduler with two workers, each a process."""
+    with distributed.LocalCluster(2, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0") as cluster:
+        yield cluster.scheduler_address
 
 
 def square(_, task):
@@ -44,21 +52,42 @@ def test_tasks_wait_here_and_are_tried_again_when_their_worker_is_killed(tmp_pat
             taken += 1
             yield k
 
-    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), connected(jobs=2) as client:
-        address = client.scheduler.address
-        for done, (task, result) in enumerate(run_on(client, square, None, tasks())):
-            assert result == task**2
-            assert taken - done <= 2 * AHEAD
-        results = dict(run_on(client, kill_once, str(tmp_path), (0, 1, 3)))
-        lost = dict(run_on(client, kill_once, str(tmp_path), (2,)))
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), local_cluster() as address:
+        with connected(address) as client:
+            for done, (task, result) in enumerate(run_on(client, square, None, tasks())):
+                assert result == task**2
+                assert taken - done <= 2 * AHEAD
+            results = dict(run_on(client, kill_once, str(tmp_path), (0, 1, 3)))
+        lost = dict(run_all(kill_once, str(tmp_path), (2,), scheduler=address))
     assert taken == 100
-    assert address.startswith("tcp://127.0.0.1:")
     assert results == {0: 0, 1: 1, 3: 9}
     assert isinstance(lost[2], Lost)
     assert len((tmp_path / "1").read_text()) > 1
     monkeypatch.setattr("fifthwheel.apps.cluster.TIMEOUT", 0.5)
     with pytest.raises(FifthwheelError, match="does not answer"), connected("tcp://127.0.0.1:9"):
         pass
+
+
+def test_a_task_that_ends_its_process_costs_no_other(tmp_path) -> None:
+    results = dict(run_all(kill_once, str(tmp_path), range(12), jobs=2))
+    lost = results.pop(2)
+    assert isinstance(lost, Lost)
+    assert len((tmp_path / "2").read_text()) in (ATTEMPTS, ATTEMPTS + 1)
+    assert results == {k: k**2 for k in range(12) if k != 2}
+
+
+def sleep(_, task):
+    if task:
+        time.sleep(60)
+    return task
+
+
+def test_processes_end_at_once_with_the_iteration() -> None:
+    tasks = run_all(sleep, None, (0, 1, 2), jobs=2)
+    assert next(tasks) == (0, 0)
+    start = time.monotonic()
+    tasks.close()
+    assert time.monotonic() - start < 10
 
 
 def test_a_killed_run_loses_only_running_trips(tmp_path) -> None:

@@ -99,11 +99,11 @@ def test_finished_trips_are_joined_now_and_then(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(RUN, "JOIN_AFTER", 2)
     monkeypatch.setattr(TripDataset, "join", lambda _: joined.append(len(steps)))
 
-    def run_here(function, job, tasks):
+    def run_all(function, job, tasks, **_):
         for k, task in enumerate(tasks):
             yield task, Lost("no memory") if k == 1 else function(job, task)
 
-    monkeypatch.setattr(RUN, "run_here", run_here)
+    monkeypatch.setattr(RUN, "run_all", run_all)
     result = run(logs, tmp_path / "out", jobs=1, progress=lambda *step: steps.append(step))
     assert steps == [("trips", k, 5) for k in range(1, 6)]
     assert joined == [0, 2, 4, 5]

@@ -16,7 +16,7 @@ from fifthwheel.apps.cheng_cebon_2011.experiments import (
     with_variant,
 )
 from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
-from fifthwheel.apps.cluster import run_all
+from fifthwheel.apps.cluster import results_of
 from fifthwheel.apps.studies.result_table import write_table
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.lazy import require
@@ -158,7 +158,7 @@ def identify_all(
         for seed in range(extent.seeds if name in experiments else extent.variant_seeds[arm.name])
     ]
     done: dict[tuple[str, int, int], Outcome] = {}
-    for task, result in run_all(_identify, experiments | changed, tasks):
+    for task, result in results_of(_identify, experiments | changed, tasks):
         done[task] = result
         progress("identifying", len(done), len(tasks))
     return [done[task] for task in tasks]

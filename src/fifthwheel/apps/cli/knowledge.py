@@ -208,11 +208,11 @@ def run(
     ] = "fifthwheel-fleet",
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Address of your own Dask scheduler, such as tcp://10.0.0.5:8786. Default: a local cluster."),
+        typer.Option(help="Address of your own Dask scheduler, such as tcp://10.0.0.5:8786. Default: this computer."),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, help="Processes of the local cluster. Default: one per core. 1: this process only."),
+        typer.Option(min=1, help="Processes of this computer. Default: one per core. 1: this process only."),
     ] = None,
     retry: Annotated[
         bool, typer.Option("--retry", help="Try failed trips again, also if nothing that they depend on has changed.")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel.apps.cluster import Lost, connected, run_here, run_on
+from fifthwheel.apps.cluster import Lost, run_all
 from fifthwheel.apps.fleet import storage
 from fifthwheel.apps.fleet.dataset import TripDataset, TruckTrips, batches
 from fifthwheel.apps.fleet.manifest import Trip, read_manifest
@@ -85,8 +85,9 @@ def run(
         out: data set: a folder, or a prefix of an object store such as s3://bucket/fleet.
         settings: of the identification of each trip; by default `OneStage()`.
         fleet: of the combination.
-        scheduler: address of a Dask scheduler, as of `fifthwheel.apps.cluster.connected`; None starts a local cluster.
-        jobs: processes of the local cluster, by default one per core; 1 computes in this process, without Dask.
+        scheduler: address of a Dask scheduler, as of `fifthwheel.apps.cluster.connected`; by default, processes of
+            this computer work.
+        jobs: number of these processes, by default one per core; 1 computes in this process.
         retry: whether a failed trip is tried again although it, the limits of the readers and the installed packages
             are the same.
         progress: called while trips end.
@@ -102,10 +103,7 @@ def run(
         if not storage.is_remote(dataset.path):
             Path(dataset.path).mkdir(parents=True, exist_ok=True)
             stack.enter_context(held(Path(dataset.path) / "fleet.lock", subject=Path(dataset.path)))
-        if scheduler is None and jobs == 1:
-            execute: Any = run_here
-        else:
-            execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
+        execute = partial(run_all, jobs=jobs, scheduler=scheduler)
         dataset.join()
         done, failures = dataset.known()
         job = TripJob(folder=dataset.folder, settings=settings, done=done, failures={} if retry else failures)

@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from fifthwheel import __version__
-from fifthwheel.apps.cluster import run_all
+from fifthwheel.apps.cluster import results_of
 from fifthwheel.apps.studies.estimators import Estimates, Estimator, Settings, as_estimator
 from fifthwheel.apps.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.apps.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
@@ -148,7 +148,9 @@ def study(
                 setup = _Setup(
                     scenarios=scenarios, estimators=methods, guess=guess, settling_time=settling_time, digests=digests
                 )
-                for k, (name, rows) in enumerate(run_all(_run, setup, todo, jobs=jobs, scheduler=scheduler), start=1):
+                for k, (name, rows) in enumerate(
+                    results_of(_run, setup, todo, jobs=jobs, scheduler=scheduler), start=1
+                ):
                     results.add(name, rows)
                     progress("estimating", k, len(todo))
         finally:

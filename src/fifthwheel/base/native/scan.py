@@ -182,10 +182,23 @@ def _check(step: ca.Function) -> None:
         raise TypeError(f"{step.name()}: expected dense inputs and outputs, got sparse ones; use casadi.densify")
 
 
+_processes = [1]
+
+
+def share_cores(processes: int) -> None:
+    """Say how many processes like this one share the cores."""
+    _processes[:] = [processes]
+
+
+def threads() -> int:
+    """The threads that a scan may use."""
+    return max((os.cpu_count() or 1) // _processes[0], 1)
+
+
 @functools.cache
 def workers() -> ThreadPoolExecutor:
     """The threads of all scans."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="scan")
+    return ThreadPoolExecutor(threads(), thread_name_prefix="scan")
 
 
 @functools.cache

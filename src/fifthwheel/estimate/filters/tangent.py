@@ -8,14 +8,13 @@ Both steps give innovations. Those of the free-running model are y - h(x) - d, w
 is a first-order process, predicted from the residuals before (`estimate.filters.noise_model`): they are white.
 """
 
-import os
 from collections.abc import Iterator
 from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.native import AdjointScan, DirectionScan, GradientScan, compiled
+from fifthwheel.base.native import AdjointScan, DirectionScan, GradientScan, compiled, threads
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
@@ -24,7 +23,6 @@ from fifthwheel.estimate.filters.step_rows import SampleRows
 CHUNK = 500
 """Number of rows in one pass, of which one without derivatives has 20 times as many; it bounds the memory for long
 records."""
-THREADS = os.cpu_count() or 1
 
 DECAYED = 1e-9
 """The effect of the initial state is left out once it has decayed to this fraction."""
@@ -171,7 +169,7 @@ def run_in_chunks(
     size = CHUNK if len(directions) else 2 * CHUNK
     for begin in range(0, len(rows), size):
         chunk = slice(begin, min(begin + size, len(rows)))
-        result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=THREADS)
+        result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=threads())
         yield TangentChunk(chunk, result.output, result.output_dot, active)
         remaining = np.abs(result.carry_dot).max(axis=1, initial=0.0)
         kept = ~only_start[active] | (remaining > DECAYED * initial[active])
