@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 import fifthwheel as fw
@@ -36,7 +37,24 @@ def record(**changes: Any) -> object:
     return fw.Record(**{"time": [0.0, 1.0], "signals": {"speed": [1.0, 2.0]}} | changes)
 
 
+def response(**inputs: Any) -> object:
+    given = {"time": [0.0, 0.1, 0.2], "steer": np.zeros(3)} | inputs
+    return fw.linear_system(TRUCK, 20.0).response(given["time"], {"steer.tractor.front": given["steer"]})
+
+
 WRONG: dict[str, Callable[[], object]] = {
+    "identify milliseconds": lambda: fw.identify([fw.Record.from_arrays(RECORD.time * 1e3, RECORD.signals)], TRUCK),
+    "response decreasing": lambda: response(time=[0.2, 0.1, 0.0]),
+    "response uneven": lambda: response(time=[0.0, 0.1, 0.3]),
+    "response short": lambda: response(steer=np.zeros(2)),
+    "step negative": lambda: fw.linear_system(TRUCK, 20.0).step(-0.01),
+    "step nan": lambda: fw.linear_system(TRUCK, 20.0).step(float("nan")),
+    "sample negative": lambda: result().posterior.sample(-1),
+    "sample fraction": lambda: result().posterior.sample(2.5),
+    "export_c onto a file": lambda: fw.export_c(fw.Observer(TRUCK, RECORD.signals), __file__),
+    "table of rows": lambda: fw.Record.from_table([[0.0, 1.0]]),
+    "table without time": lambda: fw.Record.from_table(pa.table({"speed": [1.0]})),
+    "table of texts": lambda: fw.Record.from_table(pa.table({"time": [0.0], "speed": ["fast"]})),
     "identify path": lambda: fw.identify("log.csv", TRUCK),
     "identify DataFrame": lambda: fw.identify(RECORD.to_pandas(), TRUCK),
     "identify one record": lambda: fw.identify(RECORD, TRUCK),

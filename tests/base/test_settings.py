@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pytest
 import typer
 
@@ -60,6 +61,10 @@ def test_a_wrong_value_is_named_with_its_cure(wrong: dict[str, Any], message: st
         Example(**wrong)
     with pytest.raises(SignalError, match=f"^{message}$"):
         replace(Example(), **wrong)
+
+
+def test_a_number_of_numpy_is_one() -> None:
+    assert OneStage(iterations=np.int64(5), check=np.True_) == OneStage(iterations=5, check=True)  # type: ignore[arg-type]
 
 
 def test_help_has_every_field_with_its_default_and_its_sentences() -> None:

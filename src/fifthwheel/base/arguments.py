@@ -9,7 +9,7 @@ from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError, s
 
 CURES = {
     "Vehicle": "use fw.Vehicle.load(path), fw.vehicle(name) or result.vehicle",
-    "Record": "use fw.read_log(path) for a file, fw.Record.from_pandas or fw.Record.from_arrays for data in memory",
+    "Record": "use fw.read_log(path) for a file, fw.Record.from_table or fw.Record.from_arrays for data in memory",
     "Identification": "use the result of fw.identify, or fw.Identification.load(folder)",
     "Knowledge": "use result.knowledge, or fw.Knowledge.load(path)",
     "Occasion": "write fw.Occasion(trailer=...)",

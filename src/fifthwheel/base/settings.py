@@ -104,7 +104,7 @@ class Settings:
 
         kind: Any = type(self)
         given = {f.name: getattr(self, f.name) for f in fields(self)}
-        listed = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+        listed = {name: _plain(value) for name, value in given.items()}
         try:
             valid = _model(kind).model_validate(listed)
         except ValidationError as error:
@@ -119,6 +119,12 @@ class Settings:
         found = {name: _metadata(hint, Stored) for name, hint in _hints(kind).items()}
         forms = {name: stored.form(getattr(self, name)) for name, stored in found.items() if stored}
         return asdict(self) | forms
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy as one of Python, a list as a tuple."""
+    is_number = hasattr(value, "dtype") and value.shape == ()
+    return value.item() if is_number else tuple(value) if isinstance(value, list) else value
 
 
 def options_of(kind: Any) -> dict[str, Option]:

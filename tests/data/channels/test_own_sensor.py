@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -116,6 +117,13 @@ def test_an_observer_gives_the_states_of_the_same_sensor_by_another_name() -> No
         np.testing.assert_allclose(own.sigma[name], expected.sigma[name], rtol=1e-9)
     own_C, C = (linear_system(TRUCK, 20.0, [f"{name}.tractor"]).C for name in ("optical_rate", "yaw_rate"))
     np.testing.assert_allclose(own_C, C)
+
+
+def test_a_sensor_that_is_not_linear_is_linearised() -> None:
+    atan = SensorModel(value=lambda now, i, name: ca.atan(now.motion.r[i]))
+    register(replace(RATE, quantity="atan_rate", model=atan))
+    own, linear = (linear_system(TRUCK, 20.0, [f"{name}.tractor"]).C for name in ("atan_rate", "yaw_rate"))
+    np.testing.assert_allclose(own, linear)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
@@ -185,7 +186,7 @@ def test_arrays_are_converted():
 def test_a_record_survives_a_data_frame():
     record = simulate(get("cheng_cebon_2011"), count=1, seed=1)
     assert record.reference
-    assert Record.from_pandas(record.to_pandas()) == record
+    assert Record.from_table(record.to_pandas()) == record
 
 
 @pytest.mark.parametrize("kind", ["s", "duration", "date", "zone"])
@@ -194,16 +195,20 @@ def test_the_index_is_the_time(kind):
     index = pd.Index(time) if kind == "s" else pd.to_timedelta(time, unit="s")
     if kind in ("date", "zone"):
         index = pd.Timestamp("2026-05-01 12:00", tz="Europe/Berlin" if kind == "zone" else None) + index
-    record = Record.from_pandas(pd.DataFrame(COLUMNS, index=index), units=UNITS)
+    record = Record.from_table(pd.DataFrame(COLUMNS, index=index), units=UNITS)
     assert close(record, expected())
     started = {"date": "2026-05-01T12:00:00+00:00", "zone": "2026-05-01T10:00:00+00:00"}.get(kind)
     assert (record.date and record.date.isoformat()) == started
-    speed = Record.from_pandas(pd.DataFrame({"speed": pd.array([20, None, 1], dtype="Int64")}, index=index)).signals
+    time = pa.array([1_777_593_600_000, 1_777_593_600_100], pa.timestamp("ms"))
+    arrow = Record.from_table(pa.table({"time": time, "speed": [72.0, None]}), units={"speed": "km/h"})
+    assert (arrow.time.tolist(), str(arrow.date)) == ([0.0, 0.1], "2026-05-01 00:00:00+00:00")
+    np.testing.assert_array_equal(arrow.signals["speed"], [20.0, np.nan])
+    speed = Record.from_table(pd.DataFrame({"speed": pd.array([20, None, 1], dtype="Int64")}, index=index)).signals
     np.testing.assert_array_equal(speed["speed"], [20, np.nan, 1])
 
 
 def test_errors_name_the_signal_and_the_cure(monkeypatch):
-    arrays, frame = Record.from_arrays, lambda *args, **more: Record.from_pandas(pd.DataFrame(*args, **more))
+    arrays, frame = Record.from_arrays, lambda *args, **more: Record.from_table(pd.DataFrame(*args, **more))
     for make, message in [
         (lambda: arrays([0, 1], {"sped": [1, 2]}), "sped"),
         (lambda: arrays([0, 1], {"speed": [1, 2]}, units={"sped": "m/s"}), "sped: has a unit, but is not a"),

@@ -1,5 +1,6 @@
 """Read a log file of any supported format into a Record; write a Record as CSV or Parquet."""
 
+import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -53,7 +54,7 @@ def read_log(
         >>> fw.read_log("run.mf4", signal_map)  # doctest: +SKIP
         Record('run', 6000 samples, 0 to 59.99 s at 100 Hz: speed, steer.tractor.front, yaw_rate.tractor)
     """
-    expect("path", path, str, Path)
+    expect("path", path, str, os.PathLike)
     expect_optional("signals", signals, SignalMap)
     path = Path(path)
     with open_log(path, signals.databases if signals else (), progress) as log:

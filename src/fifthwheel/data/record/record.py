@@ -57,7 +57,7 @@ class Record(ComparedByContents):
     """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
-    quantity.unit[.axle]; `from_arrays` and `from_pandas` take other units. Two records are equal if time, signals and
+    quantity.unit[.axle]; `from_arrays` and `from_table` take other units. Two records are equal if time, signals and
     reference are equal; name, notes, time bases, sensors and date are not compared. In a notebook a record shows a
     table of its channels.
 
@@ -156,28 +156,37 @@ class Record(ComparedByContents):
         return cls(time=np.asarray(time), signals=parts[False], reference=parts[True], **fields)
 
     @classmethod
-    def from_pandas(cls, frame: "pd.DataFrame", *, units: Mapping[str, str] | None = None, **fields: Any) -> "Record":
-        """A record of a data frame whose index is the time and whose columns are signals; inverse of `to_pandas`.
+    def from_table(cls, table: Any, *, units: Mapping[str, str] | None = None, **fields: Any) -> "Record":
+        """A record of a table whose columns are signals, such as a frame of pandas or Polars; inverse of `to_pandas`.
 
         Args:
-            frame: its index has seconds, durations, or dates; dates without a zone are UTC. Rename other columns with
-                `frame.rename(columns=...)`; columns "reference.<name>" become reference signals.
+            table: the index of a frame of pandas is the time; any other table with the Arrow interface has a column
+                "time". The time is in seconds, durations, or dates; dates without a zone are UTC. Rename other columns
+                before; columns "reference.<name>" become reference signals.
             units: column to unit, such as "km/h" or "deg/s"; SI for others.
             fields: others of a record, such as `name`.
 
         Raises:
-            SignalError: the index is not a time, or a column is not a signal.
+            SignalError: there is no time, or a column is not a signal.
 
         Example:
             >>> import pandas as pd
             >>> import fifthwheel as fw
             >>> time = pd.date_range("2026-05-01", periods=2, freq="100ms")
             >>> frame = pd.DataFrame({"speed": [72.0, 72.0]}, index=time)
-            >>> record = fw.Record.from_pandas(frame, units={"speed": "km/h"})
+            >>> record = fw.Record.from_table(frame, units={"speed": "km/h"})
             >>> record.time, record.date.year
             (array([0. , 0.1]), 2026)
         """
-        pandas, index = require("pandas", "pandas"), frame.index
+        if not hasattr(table, "index") and hasattr(table, "__arrow_c_stream__"):
+            time, columns, date = _arrow_columns(table)
+            return cls.from_arrays(time, columns, units=units, **{**date, **fields})
+        if not hasattr(table, "index") or not hasattr(table, "columns"):
+            raise SignalError(
+                f"table: expected one of pandas, Polars or Arrow, got {type(table).__name__}; use"
+                " fw.Record.from_arrays(time, signals)"
+            )
+        pandas, frame, index = require("pandas", "pandas"), table, table.index
         if not frame.columns.is_unique:
             twice = frame.columns[frame.columns.duplicated()][0]
             raise SignalError(f"{twice}: two columns have this name; remove or rename one")
@@ -462,6 +471,34 @@ def _factor(name: str, unit: str) -> float:
         return factor(unit, si_unit(split_reference(name)[0]) or "1")
     except UnitError as error:
         raise SignalError(f"{name}: {error}") from None
+
+
+def _arrow_columns(source: Any) -> tuple[Array, dict[str, Array], dict[str, Any]]:
+    """Time, s, and columns of a table with the Arrow interface, and its date if the time is one."""
+    import pyarrow as pa
+
+    table, date = pa.table(source), dict[str, Any]()
+    if "time" not in table.column_names:
+        raise SignalError("time: no such column; rename the one with seconds, durations or dates")
+    if len(set(table.column_names)) < len(table.column_names):
+        twice = next(name for name in table.column_names if table.column_names.count(name) > 1)
+        raise SignalError(f"{twice}: two columns have this name; remove or rename one")
+    time, numbers = table["time"], dict[str, Array]()
+    is_date = pa.types.is_timestamp(time.type)
+    if is_date or pa.types.is_duration(time.type):
+        ticks = time.cast(pa.timestamp("ns") if is_date else pa.duration("ns")).cast(pa.int64()).to_numpy()
+        if is_date and ticks.size:
+            date["date"] = utc_date(ticks[0] / 1e9)
+            ticks = ticks - ticks[0]
+        numbers["time"] = ticks / 1e9
+    for name in table.column_names:
+        if name not in numbers:
+            try:
+                numbers[name] = table[name].cast(pa.float64()).to_numpy()
+            except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+                reason = printable(str(error))
+                raise SignalError(f"{name}: not numbers ({reason}); convert the column, or drop it") from None
+    return numbers.pop("time"), numbers, date
 
 
 def _numbers(name: str, column: "pd.Series") -> Array:

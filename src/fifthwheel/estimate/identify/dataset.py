@@ -163,6 +163,7 @@ def prepare_dataset(
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
     notes, found = list[str](), list[Finding]()
     for record in everything:
+        record.segments()  # an error names a wrong unit of time, which no check of a signal would
         _require_steering(record, steered)
         notes += [f"{record.name}: {note}" for note in _without_empty_channels(record).notes]
         if findings:

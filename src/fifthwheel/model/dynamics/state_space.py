@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fifthwheel.base.arguments import expect
+from fifthwheel.base.arguments import expect, expect_number
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.lazy import require
 from fifthwheel.base.native import Scan, compiled
@@ -223,12 +223,18 @@ class LinearSystem:
         """Outputs over time by name, (N,) each, from rest; exact for inputs that change linearly between the samples.
 
         The time (N,) is in equal steps, s; inputs are steer angles by name, (N,) each, rad, 0 by default. A SignalError
-        if an input does not exist.
+        if an input does not exist or has another length, or the steps are not equal.
         """
         from scipy import signal
 
-        for name in inputs:
+        time = np.asarray(time, np.float64)
+        steps = np.diff(time)
+        if steps.size and not (steps[0] > 0 and np.allclose(steps, steps[0], rtol=1e-3)):
+            raise SignalError("time: expected equal steps above 0 s; interpolate the inputs to such a time")
+        for name, values in inputs.items():
             self.input_index(name)
+            if np.shape(values) != time.shape:
+                raise SignalError(f"{name}: expected {time.shape}, as the time, got {np.shape(values)}; give one each")
         d = np.column_stack([inputs.get(name, np.zeros_like(time)) for name in self.inputs])
         _, y, _ = signal.lsim(self.to_scipy(), d, time)
         return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
@@ -237,10 +243,11 @@ class LinearSystem:
         """F (n, n), G (n, k) and H (n, k) of an exact step of dt seconds, x+ = F x + G d + H d+, with inputs that
         change linearly.
 
-        Van Loan (1978), Computing integrals involving the matrix exponential.
+        Van Loan (1978), Computing integrals involving the matrix exponential. A SignalError if dt is below 0.
         """
         from scipy.linalg import expm
 
+        expect_number("dt", dt, ge=0, unit="s")
         n, k = self.B.shape
         M = np.zeros((n + 2 * k, n + 2 * k))
         M[:n, :n], M[:n, n : n + k], M[n : n + k, n + k :] = self.A * dt, self.B * dt, np.eye(k)
@@ -416,7 +423,9 @@ def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Func
     slip = slip_angles(p, vehicle, sensed.motion, sensed.steer)
     y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
     stacked = stages.expanded(ca.vertcat(*y)) if y else ca.SX(0, 1)
-    both = ca.vec(ca.densify(ca.jacobian(stacked, ca.vertcat(x, d))))
+    xd = ca.vertcat(x, d)
+    slopes = ca.substitute(ca.jacobian(stacked, xd), xd, 0)  # an own sensor need not be linear
+    both = ca.vec(ca.densify(slopes))
     return ca.Function("outputs", [nothing, u, symbols], [nothing, both], {"cse": True})
 
 

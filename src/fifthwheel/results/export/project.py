@@ -9,6 +9,7 @@ import casadi as ca
 from fifthwheel import __version__
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.atomic import write_text
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.native import c_code
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.estimate.observe.observer_model import SUSPECT_STEER_SIGMA
@@ -125,6 +126,8 @@ def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
     """
     expect("estimator", estimator, Observer, Learner)
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise FifthwheelError(f"{folder}: a file; name a folder, which is made if it does not exist")
     folder.mkdir(parents=True, exist_ok=True)
     texts = learner_texts(estimator) if isinstance(estimator, Learner) else observer_texts(estimator)
     for name, text in texts.items():

@@ -49,6 +49,16 @@ def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_result_is_a_collection_of_named_estimates(result):
+    names = list(result)
+    assert {e.name for e in (*result.parameters, *result.derived, *result.uncertain)} == set(names)
+    assert names[0] in result
+    assert "tractor.colour" not in result
+    assert result._ipython_key_completions_() == names
+    with pytest.raises(KeyError, match="0: not estimated"):
+        result[0]
+
+
 def test_results_that_differ_in_one_number_are_not_equal(result, tmp_path):
     fit, knowledge = result.fits[0], result.knowledge
     changed = fit.predicted.copy()

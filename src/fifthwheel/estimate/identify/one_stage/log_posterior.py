@@ -206,6 +206,8 @@ class LogPosterior:
     def values(self, x: ArrayLike) -> dict[str, Array]:
         """Values (...) in SI of points or samples x (..., k), by name; without the initial states."""
         points = np.asarray(x, dtype=np.float64)
+        if not points.ndim or points.shape[-1] != len(self.names):
+            raise SignalError(f"x: expected {len(self.names)} numbers a point, got the shape {points.shape}; see names")
         places = [self.names.index(name) for name in self._unknowns]
         p = scaling(list(self._unknowns.values())).to_p(points[..., places])
         return {name: p[..., i] for i, name in enumerate(self._unknowns)}

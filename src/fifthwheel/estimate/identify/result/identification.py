@@ -1,7 +1,7 @@
 """The result of an identification: values, sigmas and verdicts, and the data to judge or repeat it."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -71,8 +71,19 @@ class Identification(IdentificationData):
         """The estimate of a parameter, derived quantity or uncertain number by name; KeyError if there is none."""
         estimates = {estimate.name: estimate for estimate in (*self.uncertain, *self.derived, *self.parameters)}
         if name not in estimates:
-            raise KeyError(f"{name}: not estimated; {suggestion(name, estimates)}")
+            raise KeyError(f"{name}: not estimated; {suggestion(str(name), estimates)}")
         return estimates[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of all estimates."""
+        return iter(dict.fromkeys(e.name for e in (*self.parameters, *self.derived, *self.uncertain)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in list(self)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """What a notebook offers within the brackets."""
+        return list(self)
 
     def observer_settings(self, log: str | None = None, **changes: Any) -> "ObserverSettings":
         """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fifthwheel.base.arguments import expect_known, expect_names
+from fifthwheel.base.arguments import expect_known, expect_names, expect_number
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.lazy import require
 from fifthwheel.base.names import split_log
@@ -91,7 +91,8 @@ class Posterior(ComparedByContents):
         return self._displaced(np.array([-half_width, half_width])).T
 
     def sample(self, n: int, seed: int | np.random.Generator | None = None) -> Array:
-        """Random draws (n, k), SI; the same for the same seed."""
+        """Random draws (n, k), SI; the same for the same seed. A SignalError for another n than 0, 1, 2, ..."""
+        expect_number("n", n, ge=0, whole=True)
         S = self.uncertainty.columns()
         return self._displaced(np.random.default_rng(seed).normal(size=(n, S.shape[1])) @ S.T)
 
