@@ -35,7 +35,14 @@ from fifthwheel.data.checks.kinematics import at_common_time, common_time, corre
 from fifthwheel.data.checks.plausibility import MIN_SPEED, check
 from fifthwheel.data.checks.signs import Signs
 from fifthwheel.data.logs.assemble import assemble
-from fifthwheel.data.logs.likely_units import CLOSE, TYPICAL_STEERING_RATIO, ColumnReading, likely_units, readings
+from fifthwheel.data.logs.likely_units import (
+    CLOSE,
+    RATIO_SIGMA,
+    TYPICAL_STEERING_RATIO,
+    ColumnReading,
+    likely_units,
+    readings,
+)
 from fifthwheel.data.logs.name_rules import (
     NO_UNIT,
     ColumnHint,
@@ -58,6 +65,8 @@ _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""
 _STEERING_RATIOS = (7.0, 60.0)
 """Size of a steering-wheel angle over that expected of the road wheels; trucks have a ratio of 15 to 25."""
+_WHEELBASE = 0.03
+"""Standard deviation of the logarithm of the wheelbase that a turn at low speed has, by the scrub of tandem axles."""
 _MAX_LAG = 1.5
 """s"""
 _SIDESLIP = 0.1
@@ -163,16 +172,16 @@ def _with_likely_units(
             signals[name] = signals[name].model_copy(update={"unit": reading.unit})
             words = f"unit {reading.unit} by its magnitude"
             if name in found.gains:
-                ratio = found.gains[name]
+                ratio, _ = found.gains[name]
                 times = [
                     f"{ratio * scale:.2g} times in {unit}"
                     for unit, scale in ((reading.unit, 1.0), (first.unit, first.scale / reading.scale))
                 ]
                 words += f": {' and '.join(times)} what the other signals predict"
             corrections[name] = [words]
-        if reading.wheel and _STEERING_RATIOS[0] < found.gains.get(name, 0.0) < _STEERING_RATIOS[1]:
+        if reading.wheel and _STEERING_RATIOS[0] < found.gains.get(name, (0.0, 0.0))[0] < _STEERING_RATIOS[1]:
             scale = found.readings["speed"].scale / options["speed"][0].scale
-            used = _steering_ratio(found.gains[name], scale * float(np.nanmedian(record.signals["speed"])), wheelbase)
+            used = _steering_ratio(*found.gains[name], scale * float(np.nanmedian(record.signals["speed"])), wheelbase)
             source = signals[name].model_copy(update={"sensor": "steering wheel"})
             signals[name] = source.with_uncertain(gain=f"{1 / used.value:.4g} +- {100 * used.sigma:.0f} %")
             corrections.setdefault(name, []).append(used.words)
@@ -199,18 +208,22 @@ class _Ratio(NamedTuple):
     words: str
 
 
-def _steering_ratio(ratio: float, speed: float, wheelbase: float) -> _Ratio:
-    """The ratio of a steering-wheel angle that is `ratio` times the road-wheel angle expected at a speed, m/s."""
-    # the understeer gradient is unknown: a uniform distribution of ratios is possible
-    low, high = (
-        ratio * (wheelbase + UNDERSTEER * speed**2) / (wheelbase + k * speed**2) for k in (2 * UNDERSTEER, 0.0)
-    )
-    used = round(float(np.clip(TYPICAL_STEERING_RATIO, low, high)), 1)
+def _steering_ratio(ratio: float, of_lag: float, speed: float, wheelbase: float) -> _Ratio:
+    """The ratio of a steering-wheel angle that is `ratio` times the road-wheel angle expected at a speed, m/s.
+
+    `of_lag` is the standard deviation of its logarithm by the lag. Joined with the usual ratio of trucks.
+    """
+    # the understeer gradient of a truck may be 0, or twice the usual one
+    of_understeer = UNDERSTEER * speed**2 / (wheelbase + UNDERSTEER * speed**2)
+    sigma = float(np.linalg.norm([of_lag, of_understeer, _WHEELBASE]))
+    weight = RATIO_SIGMA**2 / (RATIO_SIGMA**2 + sigma**2)
+    used = round(float(TYPICAL_STEERING_RATIO ** (1 - weight) * ratio**weight), 1)
     words = (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
-        f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
+        f"{ratio:.3g} +- {100 * sigma:.0f} %; joined with {TYPICAL_STEERING_RATIO:g} +- {100 * RATIO_SIGMA:.0f} % of "
+        f"trucks, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
     )
-    return _Ratio(used, (high - low) / (np.sqrt(12) * used), words)
+    return _Ratio(used, RATIO_SIGMA * np.sqrt(1 - weight), words)
 
 
 @dataclass(frozen=True, kw_only=True)
