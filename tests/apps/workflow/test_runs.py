@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.apps.workflow.inputs import propose_signals, read_records, survey_file
+from fifthwheel.apps.workflow.inputs import propose_signals, read_records, survey_files
 from fifthwheel.apps.workflow.results import write_results
 from fifthwheel.apps.workflow.runs import (
     IdentificationRun,
@@ -221,7 +221,7 @@ def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monk
     columns = [record.time, *(record.signals[name] for name in names.values()), -record.signals["steer.tractor.front"]]
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack(columns), "%.5f", ",", header=",".join(["t", *names, "delta"]), comments="")
-    whole = survey_file(path)
+    whole = survey_files([path])
     monkeypatch.setattr(sampling, "_LARGE", 1e4)
     monkeypatch.setattr(sampling, "_PART", path.stat().st_size / 40)
     with text_reader.open_log(path) as log:

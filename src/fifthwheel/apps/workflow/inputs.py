@@ -10,13 +10,14 @@ from typing import Any
 
 from fifthwheel.base.atomic import recover, write_text
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.findings import is_gap, uncertain_delay
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.assemble import assemble
+from fifthwheel.data.logs.joined import open_logs
 from fifthwheel.data.logs.map_text import as_toml
 from fifthwheel.data.logs.propose import MapProposal, propose_map, without_set_units
-from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.source import LogSource
 from fifthwheel.data.logs.survey import LogSurvey, survey_log
 from fifthwheel.data.record import Record
@@ -162,8 +163,8 @@ class LogContents:
         }
 
 
-def survey_file(
-    path: Path,
+def survey_files(
+    paths: Sequence[Path],
     vehicle: Vehicle | None = None,
     *,
     databases: Sequence[Path] = (),
@@ -171,7 +172,8 @@ def survey_file(
     whole: bool = False,
     progress: Progress = lambda *_: None,
 ) -> LogContents:
-    """Survey a log and propose a map; of a large file from a sample of it, which a note says, unless `whole`.
+    """Survey the logs of one logger and propose their map; of a large file from a sample, which a note says, unless
+    `whole`.
 
     Args:
         vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.
@@ -181,8 +183,8 @@ def survey_file(
     folder = (map_file.parent if map_file else Path()).resolve()
     full = [database.resolve() for database in databases]
     named = [database.relative_to(folder) if database.is_relative_to(folder) else database for database in full]
-    report = partial(report_fraction, progress, f"reading {path.name}")
-    with open_log(path, databases, report, sample=not whole) as opened:
+    report = partial(report_fraction, progress, f"reading {enumerated([path.name for path in paths])}")
+    with open_logs(paths, databases, report, sample=not whole) as opened:
         survey = survey_log(opened, report)
         contents = propose_signals(opened, survey, vehicle, databases=named)
     if map_file is not None:
@@ -199,8 +201,9 @@ def steered_axle(vehicle: Vehicle | None) -> str:
 def propose_signals(
     log: LogSource, survey: LogSurvey, vehicle: Vehicle | None = None, *, databases: Sequence[Path] = ()
 ) -> LogContents:
-    """The map proposed for an open log, which is read again; the vehicle is used as in `survey_file`, and the databases
-    are as the map names them."""
+    """The map proposed for an open log, which is read again; the vehicle is used as in `survey_files`.
+
+    The databases are as the map names them."""
     known: dict[str, Any] = {}
     if vehicle is not None:
         units = [unit.name for unit in vehicle.units]

@@ -31,7 +31,7 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.channels.table import UNDERSTEER
 from fifthwheel.data.checks.findings import Fault, Finding, remedy_text, warning
-from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation, relations, signs_of
+from fifthwheel.data.checks.kinematics import Relation, at_common_time, common_time, correlation, relations, signs_of
 from fifthwheel.data.checks.plausibility import MIN_SPEED, check
 from fifthwheel.data.checks.signs import Signs
 from fifthwheel.data.logs.assemble import assemble
@@ -67,6 +67,8 @@ _STEERING_RATIOS = (7.0, 60.0)
 """Size of a steering-wheel angle over that expected of the road wheels; trucks have a ratio of 15 to 25."""
 _WHEELBASE = 0.03
 """Standard deviation of the logarithm of the wheelbase that a turn at low speed has, by the scrub of tandem axles."""
+_WEAK = 0.15
+"""Correlation of an inverted signal from which its sign is asked."""
 _MAX_LAG = 1.5
 """s"""
 _SIDESLIP = 0.1
@@ -114,7 +116,9 @@ def correct_map(
     for name, channel in signals.items():
         jumps = [note.partition(": ")[2] for note in record.notes if note.startswith(f"{channel.column}: jumps")]
         corrections[name] = [*jumps, *corrections.get(name, [])]
-    questions += tuple(_mirrored(signs_of([*relations(corrected, wheelbase=wheelbase, min_speed=MIN_SPEED)])))
+    every = [*relations(corrected, wheelbase=wheelbase, min_speed=MIN_SPEED)]
+    signs = signs_of(every)
+    questions += (*_mirrored(signs), *_weak_signs(every, signs))
     result = proposed.model_copy(update={"signals": signals})
     words = {name: "; ".join(texts) for name, texts in corrections.items() if texts}
     return result, words, questions, without_set_units(check(in_map(signals), wheelbase=wheelbase), result, log)
@@ -131,6 +135,20 @@ def _mirrored(signs: Signs) -> Iterator[Finding]:
             "body rolls outwards; otherwise exchange both groups: sign = -1 in signals.toml for the second one only"
         )
         yield warning(first, Fault.SWAPPED_SIGN, problem, others=tuple(others))
+
+
+def _weak_signs(every: Iterable[Relation], signs: Signs) -> Iterator[Finding]:
+    """The question whether signals are inverted that are too weak to decide it."""
+    for relation in every:
+        sign = -1 if relation.own in signs.inverted else 1
+        undecided = relation.signal not in (*signs.inverted, *signs.others) and relation.turn.has_other_causes
+        if relation.excited and undecided and sign * relation.correlation < -_WEAK:
+            problem = (
+                f"its sign is not clear: inverted, it has a correlation of {abs(relation.correlation):.2f} with turns;"
+                " a body rolls outwards, so that its roll increases where a left turn begins; look at one, or propose"
+                " a map for more logs of this logger together"
+            )
+            yield warning(relation.signal, Fault.SWAPPED_SIGN, problem)
 
 
 def without_set_units(findings: Iterable[Finding], signal_map: SignalMap, log: LogSource) -> tuple[Finding, ...]:
