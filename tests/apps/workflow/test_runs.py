@@ -232,3 +232,15 @@ def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monk
     assert "sign = -1" in sample.signals_toml
     (question,) = sample.proposal.findings  # the steering, or both gyros
     assert question.fault is Fault.SWAPPED_SIGN
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5])
+def test_a_long_delay_is_proposed_and_asked(tmp_path: Path, late: float) -> None:
+    """It may hide a wrong unit of the speed, or a wrong length."""
+    record, trailer = simulate(TRUCK, count=2, rate=50.0), "yaw_rate.semitrailer"
+    delayed = np.interp(record.time - late, record.time, record.signals[trailer])
+    write_record(record.with_signals({**record.signals, trailer: delayed}), tmp_path / "run.csv")
+    proposal = survey_files([tmp_path / "run.csv"], TRUCK).proposal
+    questions = [question.signal for question in proposal.questions if question.fault is Fault.TIME_OFFSET]
+    assert questions == [trailer] * bool(late)
+    assert (proposal.signals.signals[trailer].delay != 0.0) == bool(late)

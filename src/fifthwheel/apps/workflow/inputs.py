@@ -28,6 +28,9 @@ from fifthwheel.estimate.online.start import LEARNER_FILE
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.truck import Vehicle, catalogue, toml_format
 
+LONGEST_DELAY = 0.25
+"""s, of a channel in a proposed map that is not asked."""
+
 
 def identification_file(name: str) -> Path | None:
     """The identification.json that a folder or a file name stands for; None for a vehicle."""
@@ -220,18 +223,27 @@ def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None 
         return proposal  # its findings tell why
     channels, reasons = dict(proposal.signals.signals), dict(proposal.reasons)
     findings = without_set_units(check_signals(record, vehicle), proposal.signals, log)
+    questions = [*proposal.questions]
     for finding in findings:
         if finding.fault is Fault.TIME_OFFSET:
+            late = float(finding.remedy["delay"])
+            if abs(late) > LONGEST_DELAY and finding.signal not in record.time_bases:
+                problem = f"a delay of {late:.2f} s is proposed, more than channels of one logger have"
+                cure = "check first the unit of the speed, the lengths of the vehicle and the columns of both units"
+                questions.append(replace(finding, message=f"{problem}; {cure}"))
             for signal in (finding.signal, *finding.others):
-                delay = uncertain_delay(float(finding.remedy["delay"]), finding.sigma or 0.0)
+                delay = uncertain_delay(late, finding.sigma or 0.0)
                 channels[signal] = channels[signal].with_uncertain(delay=delay)
                 reasons[signal] += f"; delay by what the other signals predict: {finding.message.partition(';')[0]}"
     return replace(
         proposal,
         signals=proposal.signals.model_copy(update={"signals": channels}),
         reasons=reasons,
-        findings=proposal.questions
-        + tuple(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
+        questions=tuple(questions),
+        findings=(
+            *questions,
+            *(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
+        ),
     )
 
 
