@@ -92,6 +92,16 @@ CHOSEN = {
         {STEER: "RoadWheelAngle"},
         {},
     ),
+    "a gyro that the logger has filtered lags, and is not that of the trailer": (
+        {"vx": (SPEED, 1), "steer": (STEER, 1), "GyroZ": (YAW, 1), "GyroZ_LP1Hz": (YAW2, 1)},
+        {YAW: "GyroZ", YAW2: None},
+        {},
+    ),
+    "the measured column before one that is computed from it": (
+        {"vx": (SPEED, 1), "YawRate_corr": (YAW, 1.02), "YawRate": (YAW, 1)},
+        {YAW: "YawRate"},
+        {},
+    ),
     "units by unit and name": (
         {"Speed2D [m/s]": (SPEED, 1), "YAW [deg/s]": (YAW, 1 / DEGREE), "YAW_TRL [deg/s]": (YAW2, 1 / DEGREE)},
         {SPEED: "Speed2D", YAW: "YAW", YAW2: "YAW_TRL"},

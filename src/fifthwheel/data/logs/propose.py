@@ -413,6 +413,7 @@ def _assign_towed_gyros(
     As many gyros as units are those of the units in the order of their lags; else the last one is of the last unit.
     """
     gyros = [hint for hint in candidates.get(f"yaw_rate.{units[0]}", []) if hint.trailing is None]
+    gyros = [hint for hint in gyros if not hint.is_computed] or gyros  # a filtered gyro lags too
     if len(units) < 2 or len(gyros) < 2 or f"yaw_rate.{units[-1]}" in candidates:
         return {}
     channels = {f"yaw_rate.gyro{k}": SignalSource(column=hint.column) for k, hint in enumerate(gyros)}
@@ -469,12 +470,14 @@ def _lag(record: Record, name: str) -> float:
     return shifts[best] / COARSE_RATE if correlations[best] > 0.8 else 0.0
 
 
-def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, bool, float, float]:
-    """Sort key: complete columns first, then of the body, road wheels, named units, high rates and large variation."""
+def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, bool, bool, float, float]:
+    """Sort key: complete columns first, then of the body, road wheels, named units, those that are not computed, high
+    rates and large variation."""
     present = 1 - content.missing / max(content.samples, 1)
     rate = content.rate if np.isfinite(content.rate) else 0.0
     of_body = hint.channel is STEER or not hint.of_wheel
-    return present > 0.5, of_body, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
+    named, raw = hint.trailing is not None, not hint.is_computed
+    return present > 0.5, of_body, not hint.steering_wheel, named, raw, min(rate, 100.0), content.sigma
 
 
 def _of_wheel(proposed: SignalMap, hints: Mapping[str, ColumnHint]) -> Iterator[Finding]:
