@@ -85,8 +85,8 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         >>> print(summary)  # doctest: +ELLIPSIS
         cheng_cebon_2011 at 80 km/h
         <BLANKLINE>
-        Quantity                                                Value
-        load, tractor.front                                   67.6 kN
+        Quantity                                                            Value
+        load, tractor.front                                               67.6 kN
         ...
     """
     expect("vehicle", vehicle, Vehicle)
