@@ -39,6 +39,7 @@ def test_a_sign_follows_from_the_logs_together_or_is_asked(logs):
     assert together.proposal.signals.signals[ROLL].sign == -1
     assert ROLL not in [question.signal for question in together.proposal.questions]
     assert together.survey.name == "weak.csv and clear.csv"
+    assert together.survey.stop - together.survey.start == pytest.approx(2 * 15.98)
 
 
 def test_each_log_begins_after_the_one_before(logs):

@@ -47,10 +47,11 @@ class _JoinedLog(LogSource):
                     problem = f"{path.name} and {paths[0].name}: {name!r} is not a column of both, with the same unit"
                     raise SignalError(f"{problem}; propose one map for the logs of each logger")
         self.sampled = True  # between the logs are gaps that no logger has left
+        self.pauses = _BETWEEN * (len(paths) - 1)
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of each log with their time in seconds, later than those of the log before."""
-        end = 0.0
+        end = -_BETWEEN
         for k, path in enumerate(self._paths):
             with self._open(path) as log:
                 rows, shift = RowTime(log, self.time), None
