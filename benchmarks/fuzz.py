@@ -39,7 +39,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.data.logs.formats import CAN_MAP, DBC, FORMATS, stored
 
-from fifthwheel.apps.workflow.inputs import survey_file
+from fifthwheel.apps.workflow.inputs import survey_files
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.can.database import load as load_database
@@ -148,7 +148,7 @@ def read_as_log(path: Path, signal_map: SignalMap) -> None:
         return
     with contextlib.suppress(FifthwheelError):
         read_log(path, signal_map)
-    SignalMap.parse(survey_file(path, databases=signal_map.databases).signals_toml)
+    SignalMap.parse(survey_files([path], databases=signal_map.databases).signals_toml)
 
 
 def read_vehicle(path: Path) -> None:

@@ -99,7 +99,8 @@ def test_the_laden_slip_gives_the_cog_of_the_tractor_where_the_kingpin_is_known(
         ("[loaded]\na = 1", r"slip\.toml: loaded: no such key; .*laden"),
         ('[laden]\ntractor.front = "6 m"', r"laden\.tractor\.front: .*give the load as a mass"),
         ("[laden]\nsemitrailer = -1", r"laden\.semitrailer: expected a load of 500 to 40000 kg, got -1 kg; correct it"),
-        ('accuracy = "good"', r"accuracy: expected a fraction such as '1 %', got 'good'"),
+        ('accuracy = "good"', r"accuracy: expected '1 %' or '20 kg', got 'good'"),
+        ('accuracy = "700 kg"', r"accuracy: expected 0 to 500 kg, got 700 kg"),
         ('accuracy = "80 %"', r"accuracy: expected a fraction from 0 to 0\.5"),
     ],
 )
@@ -109,6 +110,8 @@ def test_slip_files(text: str, message: str, tmp_path: Path) -> None:
     path.write_text(f'accuracy = "0.5 %"\n[laden]\n{loads}')
     slip = Slip.load(path)
     assert slip == Slip(laden={"tractor.front": 6850, "tractor.drive": 10500, "semitrailer": 22500}, accuracy=0.005)
+    path.write_text(f'accuracy = "+- 20 kg"\n[laden]\n{loads}')
+    assert [Slip.load(path).sigma(load) for load in (6850, 22500)] == [20, 20]
     path.write_text(text)
     with pytest.raises(VehicleError, match=message):
         Slip.load(path)

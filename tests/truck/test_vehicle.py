@@ -118,6 +118,14 @@ def test_axles_without_a_logged_steer_angle_are_locked() -> None:
         Vehicle(name="unsteered", units=(unit(),)).with_logged_steering({front}, "the log")
 
 
+def test_the_engine_drives_what_the_file_states_or_the_fixed_axles_of_the_first_unit() -> None:
+    assert catalogue.get("cheng_cebon_2011").driven_groups() == ("tractor.drive",)
+    bus = catalogue.get("articulated_bus")
+    assert bus.driven_groups() == ("rear",)
+    puller = Vehicle.loads(bus.to_toml().replace("driven = true", ""))
+    assert puller.driven_groups() == ("front.middle",)
+
+
 def test_axle_loads_of_a_chain_balance_weight_and_moment() -> None:
     vehicle = b_double()
     loads = vehicle.axle_loads()

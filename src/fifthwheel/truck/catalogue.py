@@ -145,6 +145,8 @@ def _unit_lines(unit: Unit, numbers: "_Numbers") -> Iterator[str]:
             text = f"  {{ {', '.join(keys)} }},"
             yield numbers.with_comment(text, numbers.sources.get(f"{path}.position", ""))
         yield "]"
+        if group.driven:
+            yield "driven = true"
         if group.tyres:
             yield f"tyres = {group.tyres}"
         yield from numbers.lines(unit.group_path(group), AxleGroup)

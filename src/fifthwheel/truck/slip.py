@@ -41,10 +41,14 @@ class Slip:
     empty: Mapping[str, float] = field(default_factory=dict)
     accuracy: float = ACCURACY
     """Standard deviation of each load, as a fraction."""
+    step: float = 0.0
+    """The same in kg, in addition."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.accuracy < 0.5:
             raise VehicleError(f"accuracy: expected a fraction from 0 to 0.5, got {self.accuracy:g}; such as 1 %")
+        if not 0 <= self.step < LOADS[0]:
+            raise VehicleError(f"accuracy: expected 0 to {LOADS[0]:g} kg, got {self.step:g} kg; correct it")
         for condition in CONDITIONS:
             for path, load in getattr(self, condition).items():
                 if not LOADS[0] <= load <= LOADS[1]:
@@ -61,22 +65,32 @@ class Slip:
         """
         try:
             table = parse_toml(read_toml(Path(path)))
-            accuracy = fraction(table.pop("accuracy", ACCURACY))
+            accuracy, step = accuracy_of(table.pop("accuracy", ACCURACY))
             for key in table:
                 if key not in CONDITIONS:
                     raise VehicleError(f"{key}: no such key; {suggestion(key, ('accuracy', *CONDITIONS))}")
-            return cls(accuracy=accuracy, **{key: dict(_loads(value, key)) for key, value in table.items()})
+            loads = {key: dict(_loads(value, key)) for key, value in table.items()}
+            return cls(accuracy=accuracy, step=step, **loads)
         except FifthwheelError as error:
             raise VehicleError(f"{path}: {error}") from None
 
+    def sigma(self, load: float) -> float:
+        """Standard deviation of a load, kg."""
+        return math.hypot(self.accuracy * load, self.step)
 
-def fraction(value: object) -> float:
-    """A fraction such as 0.01 or "1 %"."""
-    text = str(value).strip()
+
+def accuracy_of(value: object) -> tuple[float, float]:
+    """Accuracy and step of a `Slip` from a fraction such as 0.01 or "1 %", or a mass such as "20 kg"."""
+    text = str(value).strip().removeprefix("+-").strip()
     try:
-        return float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        number = float(text.removesuffix("%"))
+        return number / (100 if text.endswith("%") else 1), 0.0
     except ValueError:
-        raise VehicleError(f"accuracy: expected a fraction such as '1 %', got {value!r}; correct it") from None
+        pass
+    try:
+        return 0.0, quantity(text, "kg")
+    except FifthwheelError:
+        raise VehicleError(f"accuracy: expected '1 %' or '20 kg', got {value!r}; correct it") from None
 
 
 def _loads(value: Any, condition: str, *keys: str) -> Iterator[tuple[str, float]]:
@@ -145,7 +159,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
             " of the fifth wheel, or weigh again on level ground with released brakes"
         )
     if not slip.solo:
-        results["tractor.cog"] = _mean(results["tractor.cog"], results["cog by moments"])
+        results["tractor.cog"] = joined(results["tractor.cog"], results["cog by moments"])
     return {key: number for key, number in results.items() if key not in ("hitch", "cog by moments")}
 
 
@@ -162,18 +176,24 @@ def weigh_solo(lengths: Lengths, slip: Slip, groups: tuple[str, str, str]) -> di
 def _inputs(slip: Slip, groups: tuple[str, str, str]) -> dict[str, Number]:
     """Every load of a slip with its standard deviation, kg, by condition and number of the group."""
     return {
-        f"{condition}.{groups.index(path)}": (load, slip.accuracy * load)
+        f"{condition}.{groups.index(path)}": (load, slip.sigma(load))
         for condition in CONDITIONS
         for path, load in getattr(slip, condition).items()
     }
 
 
-def _mean(one: Number, other: Number) -> Number:
+def joined(one: Number, other: Number) -> Number:
     """The mean of two independent numbers, weighted by their information; an exact one is kept."""
     if not one[1] or not other[1]:
         return other if one[1] else one
     weight = one[1] ** 2 / (one[1] ** 2 + other[1] ** 2)
     return one[0] + weight * (other[0] - one[0]), math.hypot(weight * other[1], (1 - weight) * one[1])
+
+
+def contradict(one: Number, other: Number) -> bool:
+    """Whether two independent numbers differ by more than their standard deviations explain."""
+    scale = 1e-4 * abs(one[0])  # of exact numbers, which are rounded
+    return abs(one[0] - other[0]) > CONTRADICTION * math.hypot(one[1] or 0.0, other[1] or 0.0) + scale
 
 
 def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]) -> None:

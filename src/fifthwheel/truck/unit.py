@@ -122,6 +122,9 @@ class AxleGroup(Component):
         le=8 * MAX_AXLES,
         description="Of the group, for tyres that saturate; default: see `Vehicle.tyres`.",
     )
+    driven: bool = Field(
+        default=False, description="Whether the engine drives it; default: see `Vehicle.driven_groups`."
+    )
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:

@@ -427,13 +427,24 @@ class Vehicle(Component):
     def tyres(self) -> dict[str, int]:
         """Number of tyres of each axle group by its path.
 
-        By default 4 on each axle of the groups of the first unit behind its first one, which are driven, else 2.
+        By default 4 on each axle of the groups of the first unit behind its first one, else 2.
         """
         return {
             unit.group_path(group): group.tyres or len(group.on_road) * (4 if i == 0 and k > 0 else 2)
             for i, unit in enumerate(self.units)
             for k, group in enumerate(unit.axle_groups)
         }
+
+    def driven_groups(self) -> tuple[str, ...]:
+        """Paths of the axle groups that the engine drives.
+
+        Where no group is stated as driven, those of the first unit without a steerable axle, else its last one.
+        """
+        groups = [(unit, group) for unit in self.units for group in unit.axle_groups]
+        first = [(unit, group) for unit, group in groups if unit is self.units[0]]
+        fixed = [(unit, group) for unit, group in first if not any(axle.steerable for axle in group.axles)]
+        chosen = [each for each in groups if each[1].driven] or fixed or first[-1:]
+        return tuple(unit.group_path(group) for unit, group in chosen)
 
     @property
     def wheelbase(self) -> float:

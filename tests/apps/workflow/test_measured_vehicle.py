@@ -48,6 +48,7 @@ def test_weights_that_are_not_axle_loads_are_named():
 
 
 SLIP = {group: load / STANDARD_GRAVITY for group, load in TRUCK.axle_loads().items()}
+PAYLOAD = "semitrailer.payload.mass"
 SOLO = {"tractor.front": 7200 * (3.7 - 1.03) / 3.7, "tractor.drive": 7200 * 1.03 / 3.7}
 
 
@@ -65,6 +66,25 @@ def test_a_slip_gives_masses_and_their_uncertainty():
     assert weighed.vehicle.source.endswith("; weighed by slip of May")
     assert "published, (11)" in weighed.text
     assert weighed.vehicle == Vehicle.loads(weighed.text)
+
+
+def test_a_stated_mass_is_joined_with_that_of_the_slip():
+    """It is never known less after the slip; another load replaces that of the file, another tractor is refused."""
+    slip = Slip(laden=SLIP, solo=SOLO)
+    for sigma in (10.0, 55.0, 2000.0):
+        stated = TRUCK.with_stated({"tractor.mass": sigma, "semitrailer.mass": 4 * sigma})
+        by_slip, joined = (weigh_by_slip(slip, truck.to_toml()).vehicle.stated for truck in (TRUCK, stated))
+        for path in ("tractor.mass", "semitrailer.mass"):
+            expected = (by_slip[path] ** -2 + stated.stated[path] ** -2) ** -0.5
+            assert joined[path] == pytest.approx(expected, rel=0.02)
+    again = weigh_by_slip(slip, weigh_by_slip(slip, TRUCK.to_toml()).text).vehicle
+    assert again.stated == by_slip
+    other = stated.replace({path: TRUCK.parameters()[path] + 6e3 for path in ("semitrailer.mass", PAYLOAD)})
+    other = other.with_stated({"semitrailer.mass": 100.0})
+    assert weigh_by_slip(slip, other.to_toml()).vehicle.unit("semitrailer").mass == pytest.approx(33450, rel=1e-3)
+    other = stated.replace({"tractor.mass": 8000.0}).with_stated({"tractor.mass": 50.0})
+    with pytest.raises(VehicleError, match=r"tractor\.mass: the file states 8000 \+- 50, slip gives 7200 \+- 5"):
+        weigh_by_slip(slip, other.to_toml())
 
 
 def test_the_stated_sigma_of_the_trailers_axles_reaches_its_cog():

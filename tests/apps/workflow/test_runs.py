@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.apps.workflow.inputs import propose_signals, read_records, survey_file
+from fifthwheel.apps.workflow.inputs import propose_signals, read_records, survey_files
 from fifthwheel.apps.workflow.results import write_results
 from fifthwheel.apps.workflow.runs import (
     IdentificationRun,
@@ -221,7 +221,7 @@ def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monk
     columns = [record.time, *(record.signals[name] for name in names.values()), -record.signals["steer.tractor.front"]]
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack(columns), "%.5f", ",", header=",".join(["t", *names, "delta"]), comments="")
-    whole = survey_file(path)
+    whole = survey_files([path])
     monkeypatch.setattr(sampling, "_LARGE", 1e4)
     monkeypatch.setattr(sampling, "_PART", path.stat().st_size / 40)
     with text_reader.open_log(path) as log:
@@ -232,3 +232,15 @@ def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monk
     assert "sign = -1" in sample.signals_toml
     (question,) = sample.proposal.findings  # the steering, or both gyros
     assert question.fault is Fault.SWAPPED_SIGN
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5])
+def test_a_long_delay_is_proposed_and_asked(tmp_path: Path, late: float) -> None:
+    """It may hide a wrong unit of the speed, or a wrong length."""
+    record, trailer = simulate(TRUCK, count=2, rate=50.0), "yaw_rate.semitrailer"
+    delayed = np.interp(record.time - late, record.time, record.signals[trailer])
+    write_record(record.with_signals({**record.signals, trailer: delayed}), tmp_path / "run.csv")
+    proposal = survey_files([tmp_path / "run.csv"], TRUCK).proposal
+    questions = [question.signal for question in proposal.questions if question.fault is Fault.TIME_OFFSET]
+    assert questions == [trailer] * bool(late)
+    assert (proposal.signals.signals[trailer].delay != 0.0) == bool(late)

@@ -23,7 +23,7 @@ WHEELS = "wheel_speed_difference.semitrailer"
 
 GOOD = Relation(
     signal=STEER, leading=RATE, correlation=0.99, coherence=0.99, best=0.99, inverted=0.0, lead=0.0, gain=1.0,
-    offset=0.0, excited=True, wheelbase=4.5,
+    gain_sigma=0.0, offset=0.0, excited=True, wheelbase=4.5,
 )  # fmt: skip
 
 

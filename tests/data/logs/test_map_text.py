@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.apps.workflow.inputs import survey_file
+from fifthwheel.apps.workflow.inputs import survey_files
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.map_text import is_unchanged, with_channel, without_channel
@@ -89,7 +89,7 @@ def test_the_uncertainty_of_a_number_stays():
 
 def test_a_proposal_is_unchanged_until_it_is_edited(tmp_path):
     path = tmp_path / "signals.toml"
-    contents = survey_file(EXAMPLES / "lane_changes.csv", map_file=path)
+    contents = survey_files([EXAMPLES / "lane_changes.csv"], map_file=path)
     assert is_unchanged(path)
     path.write_text(contents.signals_toml.replace("[signals", "# mine\n[signals", 1))
     assert not is_unchanged(path)

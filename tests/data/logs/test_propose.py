@@ -10,7 +10,9 @@ from fifthwheel.data.logs.propose import propose_map
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.survey import survey_log
 from fifthwheel.model.plant.powered import DrivenTruck, drive
+from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report.logs import record_document
+from fifthwheel.truck import get
 
 DEGREE = np.pi / 180
 COLUMNS = {
@@ -88,6 +90,16 @@ CHOSEN = {
     "the road wheel before the steering wheel": (
         {"vx": (SPEED, 1), "SteeringWheelAngle": (STEER, 20), "RoadWheelAngle": (STEER, 1)},
         {STEER: "RoadWheelAngle"},
+        {},
+    ),
+    "a gyro that the logger has filtered lags, and is not that of the trailer": (
+        {"vx": (SPEED, 1), "steer": (STEER, 1), "GyroZ": (YAW, 1), "GyroZ_LP1Hz": (YAW2, 1)},
+        {YAW: "GyroZ", YAW2: None},
+        {},
+    ),
+    "the measured column before one that is computed from it": (
+        {"vx": (SPEED, 1), "YawRate_corr": (YAW, 1.02), "YawRate": (YAW, 1)},
+        {YAW: "YawRate"},
         {},
     ),
     "units by unit and name": (
@@ -248,3 +260,16 @@ def test_gyros_are_of_the_units_in_the_order_of_their_lags(tmp_path, weaving):
         assert mapped[f"yaw_rate.{unit}"] == f"gyro_z {name}"
         assert mapped[f"roll_rate.{unit}"] == f"gyro_x {name}"
     assert "it lags the first gyro by 0.80 s" in proposal.reasons["yaw_rate.last"]
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0])
+@pytest.mark.parametrize("manoeuvre", ["sweep", "lane_changes"])
+def test_the_steering_ratio_has_a_sigma_that_covers_quick_manoeuvres(tmp_path, manoeuvre, speed):
+    """The yaw rate of a quick manoeuvre does not have the size that a steady turn predicts."""
+    truck = get("b_double")
+    ratio, run = 23.0, simulate(truck, manoeuvre=manoeuvre, speed=speed, rate=50.0)
+    columns = {"vx": (SPEED, 1), "SteeringWheelAngle [deg]": (STEER, ratio / DEGREE), "YawRate [rad/s]": (YAW, 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, run, columns), wheelbase=truck.wheelbase)
+    text = str(proposal.signals.signals[STEER].text_of("gain"))
+    gain, sigma = (float(number.strip(" %")) for number in text.split("+-"))
+    assert abs(np.log(gain * ratio)) < 2 * sigma / 100

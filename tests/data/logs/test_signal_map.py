@@ -179,6 +179,10 @@ def test_spikes_of_all_signals_are_missing(tmp_path):
     assert record.span == pytest.approx((0.25, 10.15))
     assert record.date == datetime(2017, 7, 14, 2, 40, tzinfo=UTC)
     assert record.started == record.date + timedelta(seconds=float(record.time[0]))
+    speed = [20.0] * 300
+    speed[120] = 6e4
+    record = read_table(tmp_path, "", t=[7.0 + 0.1 * k for k in range(300)], speed=speed)
+    assert record.notes == ("speed: 1 impossible sample left out, up to 6e+04 m/s, the first at 19.00 s",)
     part = read_table(tmp_path, "[time]\nstart = '2 s'\nstop = 5.05\n[signals]\nspeed = 'v'", t=T, v=T)
     assert part.span == (2.0, 5.0)
 

@@ -108,6 +108,14 @@ def test_exchanged_gyros():
         assert finding.severity == ("error" if one == YAW else "warning")
 
 
+def test_exchanged_gyros_in_slow_driving():
+    """A late and an early gyro explain the log nearly as well."""
+    slow = simulate(TRUCK, speed=10.0, rate=25.0, seed=3)
+    swapped = slow.with_signals({YAW: slow.signals[YAW2], YAW2: slow.signals[YAW]})
+    (finding,) = found(swapped, TRUCK)
+    assert (finding.fault, finding.severity) == (Fault.EXCHANGED, "error")
+
+
 def test_a_late_gyro_of_the_tractor_is_not_an_exchange():
     for delay in (0.3, 0.6, 1.0):
         findings = found(resampled(BASE, BASE.time - delay, YAW), TRUCK)
@@ -211,9 +219,9 @@ def crossed(names, *, lag=0.0, explained=0.99, own=0.0):
     return list(exchanged_pairs(prediction_of(measured)))
 
 
-@pytest.mark.parametrize(("names", "least", "too_late"), [((YAW, YAW2), 0.9, 0.3), ((ROLL, ROLL2), 0.5, 0.6)])
+@pytest.mark.parametrize(("names", "least", "too_late"), [((YAW, YAW2), 0.8, 0.6), ((ROLL, ROLL2), 0.5, 0.6)])
 def test_exchanged_channels(names, least, too_late):
-    """Explained by each other's prediction, by 0.9 of a yaw rate and 0.5 of a roll rate, with a lag up to 0.12 s."""
+    """Explained by each other's prediction, by 0.8 of a yaw rate and 0.5 of a roll rate, with a lag up to 0.12 s."""
     assert crossed(names) == [names]
     assert crossed(names, explained=least + 0.02) == [names]
     assert crossed(names, explained=least - 0.02) == []
@@ -223,7 +231,7 @@ def test_exchanged_channels(names, least, too_late):
     assert crossed((YAW, ROLL2)) == []
 
 
-@pytest.mark.parametrize(("names", "margin"), [((YAW, YAW2), 1.0), ((ROLL, ROLL2), 0.3)])
+@pytest.mark.parametrize(("names", "margin"), [((YAW, YAW2), 0.1), ((ROLL, ROLL2), 0.3)])
 def test_an_exchange_needs_a_margin(names, margin):
     """Of the logarithms of the residual variances, summed: similar predictions, and mixtures of them as channels."""
     one, other = names

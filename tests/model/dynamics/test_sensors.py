@@ -99,6 +99,10 @@ def test_axles_that_are_not_driven_count_with_both_wheels_and_known_loads(truck:
     first, *others = group["axles"]
     fields["units"][1]["axle_groups"] = [{**group, "name": "lift", "axles": [first]}, {**group, "axles": others}]
     assert wheel_pairs(Vehicle(**fields), wheels("semitrailer")) == ()
+    for name in ("rear", "rear.drive"):  # of a bus whose engine drives its last axle
+        assert wheel_pairs(get("articulated_bus"), wheels(name, "front.steer")) == (
+            "wheel_speed_difference.front.steer",
+        )
 
 
 def test_a_record_with_the_differences(truck: Vehicle) -> None:

@@ -38,3 +38,11 @@ def test_the_summary():
     )
     tree = ElementTree.fromstring(summary._repr_html_())
     assert len(list(tree.iter("tr"))) == len(summary.rows()) + 1
+
+
+def test_an_oscillation_in_roll_is_named_by_the_units_that_roll_and_their_phase():
+    rolls = [motion for motion in summarize(get("articulated_bus")).motions if motion != "yaw"]
+    assert rolls == ["roll, front and rear", "roll, rear against front"]
+    rolls = [motion for motion in summarize(get("b_double")).motions if motion != "yaw"]
+    assert len(set(rolls)) == 3
+    assert rolls[1] == "roll, tractor and lead against semitrailer"

@@ -5,7 +5,8 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.model.manoeuvres import course, straight
-from fifthwheel.model.plant import DrivenTruck, Plant
+from fifthwheel.model.plant import DrivenTruck, Plant, Properties
+from fifthwheel.model.plant.bodies import sprung_bodies
 from fifthwheel.model.plant.powered import drive
 from fifthwheel.model.plant.powertrain import GEARS
 
@@ -93,3 +94,8 @@ def test_a_seed_gives_the_same_drive():
     first, second = (drive(DrivenTruck.drawn(20e3, r), duration=20.0, seed=4) for r in rng)
     assert first == second
     assert DrivenTruck.drawn(20e3, np.random.default_rng(0), wind=1.0).wind == 1.0
+
+
+def test_the_engine_drives_the_axles_that_the_vehicle_file_states():
+    bus = sprung_bodies(fw.vehicle("articulated_bus"), Properties())
+    assert [axle.name for body in bus for axle in body.axles if axle.driven] == ["rear.drive"]

@@ -23,11 +23,12 @@ _OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road
 @command(
     "fifthwheel signals run.mf4",
     "fifthwheel signals run.csv --vehicle truck.toml --out signals.toml",
+    "fifthwheel signals monday.csv tuesday.csv --vehicle truck.toml --out signals.toml",
     "fifthwheel signals run.blf --database truck.dbc --database trailer.arxml --out signals.toml",
     "fifthwheel signals run.mf4 --signals signals.toml --save run.parquet",
 )
 def signals(
-    log: Annotated[Path, typer.Argument(help="Of any format of docs/logs.md, such as CSV or MF4.", show_default=False)],
+    logs: common.Logs,
     signals: common.SignalsOption = None,
     allow_outside: common.AllowOutsideOption = False,
     database: Annotated[
@@ -46,20 +47,22 @@ def signals(
     force: common.ForceFileOption = False,
     as_json: common.JsonOption = False,
 ) -> None:
-    """List the contents of a log and propose a signals.toml.
+    """List the contents of a log, or of all logs of one logger, and propose a signals.toml.
 
     Lists every column with unit, sampling rate, range and missing samples. Proposes which column is which signal, from
     names, units and the kinematics of a turning vehicle (signs, degrees, steering ratio). Of a text table, MDF or
     Parquet file above 100 MB, a sample is read, unless --whole is given. Edit the proposal, then use it with --signals:
     here to see the resulting record, and in the other commands.
     """
-    from fifthwheel.apps.workflow.inputs import read_vehicle, survey_file
+    from fifthwheel.apps.workflow.inputs import read_vehicle, survey_files
     from fifthwheel.base.errors import FifthwheelError
 
     truck = read_vehicle(vehicle) if vehicle else None
     if signals is not None:
         with reserved(save, force=force):
-            _show_record(log, signals, truck, save, as_json, allow_outside=allow_outside)
+            if len(logs) > 1:
+                raise FifthwheelError("--signals: shows the record of one log, got several; give them one by one")
+            _show_record(logs[0], signals, truck, save, as_json, allow_outside=allow_outside)
         return
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
@@ -67,8 +70,8 @@ def signals(
     from fifthwheel.data.logs.map_text import is_unchanged
     from fifthwheel.results.report.logs import survey_document
 
-    with reserved(out, force=force or is_unchanged(out)), common.reading_bar([log]) as progress:
-        contents = survey_file(log, truck, databases=database or [], map_file=out, whole=whole, progress=progress)
+    with reserved(out, force=force or is_unchanged(out)), common.reading_bar(logs) as progress:
+        contents = survey_files(logs, truck, databases=database or [], map_file=out, whole=whole, progress=progress)
     if as_json:
         common.print_json(contents.as_dict())
         return

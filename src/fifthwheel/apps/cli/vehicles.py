@@ -37,7 +37,7 @@ def new(
     chosen: TruckOptions,
     slip: Annotated[Path | None, typer.Option(help="File with these loads, instead of the three options.")] = None,
     accuracy: Annotated[
-        str | None, typer.Option(help="Standard deviation of each load of the slips. Default: 1%.")
+        str | None, typer.Option(help="Standard deviation of each load of the slips, such as 20kg. Default: 1%.")
     ] = None,
     like: Annotated[
         str | None,
@@ -241,8 +241,8 @@ def weigh(
     vehicle are named and not used: `fifthwheel mass` uses them.
 
     A slip file has the loads as masses in tables `[laden]`, `[solo]` (the tractor alone) and `[empty]`, such as
-    `tractor.drive = "10500 kg"`, and their standard deviation, `accuracy = "1 %"`. The file then states how well
-    masses and CoG positions are known.
+    `tractor.drive = "10500 kg"`, and their standard deviation, `accuracy = "1 %"` or `"20 kg"`. The file then states
+    how well masses and CoG positions are known.
     """
     from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_text
     from fifthwheel.apps.workflow.measured_vehicle import weigh_by_slip, weigh_vehicle

@@ -10,13 +10,14 @@ from typing import Any
 
 from fifthwheel.base.atomic import recover, write_text
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.findings import is_gap, uncertain_delay
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.assemble import assemble
+from fifthwheel.data.logs.joined import open_logs
 from fifthwheel.data.logs.map_text import as_toml
 from fifthwheel.data.logs.propose import MapProposal, propose_map, without_set_units
-from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.source import LogSource
 from fifthwheel.data.logs.survey import LogSurvey, survey_log
 from fifthwheel.data.record import Record
@@ -26,6 +27,9 @@ from fifthwheel.estimate.online import Learner
 from fifthwheel.estimate.online.start import LEARNER_FILE
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.truck import Vehicle, catalogue, toml_format
+
+LONGEST_DELAY = 0.25
+"""s, of a channel in a proposed map that is not asked."""
 
 
 def identification_file(name: str) -> Path | None:
@@ -162,8 +166,8 @@ class LogContents:
         }
 
 
-def survey_file(
-    path: Path,
+def survey_files(
+    paths: Sequence[Path],
     vehicle: Vehicle | None = None,
     *,
     databases: Sequence[Path] = (),
@@ -171,7 +175,8 @@ def survey_file(
     whole: bool = False,
     progress: Progress = lambda *_: None,
 ) -> LogContents:
-    """Survey a log and propose a map; of a large file from a sample of it, which a note says, unless `whole`.
+    """Survey the logs of one logger and propose their map; of a large file from a sample, which a note says, unless
+    `whole`.
 
     Args:
         vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.
@@ -181,8 +186,8 @@ def survey_file(
     folder = (map_file.parent if map_file else Path()).resolve()
     full = [database.resolve() for database in databases]
     named = [database.relative_to(folder) if database.is_relative_to(folder) else database for database in full]
-    report = partial(report_fraction, progress, f"reading {path.name}")
-    with open_log(path, databases, report, sample=not whole) as opened:
+    report = partial(report_fraction, progress, f"reading {enumerated([path.name for path in paths])}")
+    with open_logs(paths, databases, report, sample=not whole) as opened:
         survey = survey_log(opened, report)
         contents = propose_signals(opened, survey, vehicle, databases=named)
     if map_file is not None:
@@ -199,8 +204,9 @@ def steered_axle(vehicle: Vehicle | None) -> str:
 def propose_signals(
     log: LogSource, survey: LogSurvey, vehicle: Vehicle | None = None, *, databases: Sequence[Path] = ()
 ) -> LogContents:
-    """The map proposed for an open log, which is read again; the vehicle is used as in `survey_file`, and the databases
-    are as the map names them."""
+    """The map proposed for an open log, which is read again; the vehicle is used as in `survey_files`.
+
+    The databases are as the map names them."""
     known: dict[str, Any] = {}
     if vehicle is not None:
         units = [unit.name for unit in vehicle.units]
@@ -217,18 +223,27 @@ def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None 
         return proposal  # its findings tell why
     channels, reasons = dict(proposal.signals.signals), dict(proposal.reasons)
     findings = without_set_units(check_signals(record, vehicle), proposal.signals, log)
+    questions = [*proposal.questions]
     for finding in findings:
         if finding.fault is Fault.TIME_OFFSET:
+            late = float(finding.remedy["delay"])
+            if abs(late) > LONGEST_DELAY and finding.signal not in record.time_bases:
+                problem = f"a delay of {late:.2f} s is proposed, more than channels of one logger have"
+                cure = "check first the unit of the speed, the lengths of the vehicle and the columns of both units"
+                questions.append(replace(finding, message=f"{problem}; {cure}"))
             for signal in (finding.signal, *finding.others):
-                delay = uncertain_delay(float(finding.remedy["delay"]), finding.sigma or 0.0)
+                delay = uncertain_delay(late, finding.sigma or 0.0)
                 channels[signal] = channels[signal].with_uncertain(delay=delay)
                 reasons[signal] += f"; delay by what the other signals predict: {finding.message.partition(';')[0]}"
     return replace(
         proposal,
         signals=proposal.signals.model_copy(update={"signals": channels}),
         reasons=reasons,
-        findings=proposal.questions
-        + tuple(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
+        questions=tuple(questions),
+        findings=(
+            *questions,
+            *(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
+        ),
     )
 
 

@@ -18,7 +18,7 @@ from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.truck import RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.truck.catalogue import edited, with_numbers
 from fifthwheel.truck.quantities import quantity_of
-from fifthwheel.truck.slip import Lengths, Number, Slip, weigh
+from fifthwheel.truck.slip import Lengths, Number, Slip, contradict, joined, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
@@ -66,9 +66,11 @@ def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> list[s
 def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicle:
     """Masses and CoG positions from weighbridge slips, with their standard deviations, in the text of a vehicle file.
 
-    Without an empty slip, the trailer without its load has the mass of the vehicle file. Inertias stay, unless the
-    classes of the units give them. A VehicleError unless the vehicle is a tractor with two axle groups and a trailer
-    with one, or if the loads are not complete or contradict each other.
+    A number that the file states with its standard deviation is joined with that of the slip; one of the trailer that
+    contradicts the slip is of another load, and replaced. Without an empty slip, the trailer without its load has the
+    mass of the vehicle file. Inertias stay, unless the classes of the units give them. A VehicleError unless the
+    vehicle is a tractor with two axle groups and a trailer with one, or if the loads are not complete, contradict each
+    other, or contradict the stated tractor.
     """
     vehicle = Vehicle.loads(text)
     if [len(unit.axle_groups) for unit in vehicle.units] != [2, 1]:
@@ -98,15 +100,36 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     front, drive, bogie = vehicle.axle_loads()
     results = weigh(lengths, slip, (front, drive, bogie), tares)
     values: dict[str, Number] = {}
+    now = vehicle.parameters()
+    own = vehicle.stated.keys() - vehicle.assumed.keys()
+    if f"weighed by {name}" in vehicle.source:  # they are of this slip
+        own = set()
+
+    def with_stated(path: str, weighed: Number) -> Number:
+        if path not in own:
+            return weighed
+        stated = now[path], vehicle.stated[path]
+        if not contradict(stated, weighed):
+            return joined(stated, weighed)
+        if path.startswith(f"{trailer.name}."):
+            return weighed
+        raise VehicleError(
+            f"{path}: the file states {stated[0]:.5g} +- {stated[1]:.2g}, {name} gives {weighed[0]:.5g} +- "
+            f"{weighed[1] or 0.0:.2g}; correct one of them"
+        )
+
     for key, unit, origin in ((TRACTOR, tractor, first), (TRAILER, trailer, wheel.trailing_position)):
-        (mass, sigma_mass), (cog, sigma_cog) = results[f"{key}.mass"], results[f"{key}.cog"]
-        values[f"{unit.name}.cog"] = (origin - cog, sigma_cog)
-        if key == TRAILER or slip.solo:
-            values[f"{unit.name}.mass"] = (mass, sigma_mass)
+        cog, sigma_cog = results[f"{key}.cog"]
+        is_weighed = key == TRAILER or bool(slip.solo)
+        cog_path, mass_path = f"{unit.name}.cog", f"{unit.name}.mass"
+        values[cog_path] = origin - cog, sigma_cog
+        if is_weighed:  # else the CoG of the file is in the result already
+            values[cog_path] = with_stated(cog_path, values[cog_path])
+            values[mass_path] = with_stated(mass_path, results[f"{key}.mass"])
             if unit.payload is None:
-                values[f"{unit.name}.sprung.mass"] = (unit.sprung.mass + mass - unit.mass, None)
+                values[f"{unit.name}.sprung.mass"] = (unit.sprung.mass + values[mass_path][0] - unit.mass, None)
     if trailer.payload:
-        payload = results["payload.mass"]
+        payload = with_stated(f"{trailer.name}.payload.mass", results["payload.mass"])
         values[f"{trailer.name}.payload.mass"] = payload
         body = trailer.sprung.mass + values[f"{trailer.name}.mass"][0] - payload[0] - tare
         values[f"{trailer.name}.sprung.mass"] = (body, None)
@@ -127,7 +150,7 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     described = _with_source(weighed, f"weighed by {name}").model_copy(update={"assumed": assumed})
     new_text = with_numbers(text, described, written)
     newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
-    loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
+    loads = {path: StaticLoad(value=load, scatter=slip.sigma(load), samples=1) for path, load in newtons.items()}
     return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
 
 

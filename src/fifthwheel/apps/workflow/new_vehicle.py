@@ -19,11 +19,12 @@ from fifthwheel.truck.quantities import quantity_of
 from fifthwheel.truck.slip import (
     ACCURACY,
     CONDITIONS,
-    CONTRADICTION,
     Lengths,
     Number,
     Slip,
-    fraction,
+    accuracy_of,
+    contradict,
+    joined,
     weigh,
     weigh_solo,
 )
@@ -161,7 +162,7 @@ def new_vehicle(answers: Mapping[str, str], *, slip: Path | None = None, accurac
     Args:
         answers: text by the key of the question; those that are not known are absent.
         slip: file with the loads, instead of the answers on loads.
-        accuracy: of the loads, such as "1 %".
+        accuracy: of the loads, such as "1 %" or "20 kg".
 
     Raises:
         VehicleError: an answer is not valid or has no use, a required one is missing, or the slips contradict
@@ -180,7 +181,8 @@ def new_vehicle(answers: Mapping[str, str], *, slip: Path | None = None, accurac
     if accuracy and not (slip or loads):
         laden, stated = setting("laden"), setting("accuracy")
         raise VehicleError(f"accuracy: expected loads too, got none; give {laden}, or remove {stated}")
-    weighed = Slip.load(slip) if slip is not None else Slip(**loads, accuracy=fraction(accuracy or ACCURACY))
+    fraction, step = accuracy_of(accuracy or ACCURACY)
+    weighed = Slip.load(slip) if slip is not None else Slip(**loads, accuracy=fraction, step=step)
     given = {**dict.fromkeys(_weighed(weighed), ""), **answers}
     for question in QUESTIONS:
         if question.key in given and (reason := question.unused(given)):
@@ -310,14 +312,17 @@ class _Builder:
         if "coupling" in results:
             where, sigma = results["coupling"]
             self._set(coupling, COUPLING, "leading_position", (-where, sigma), f"{WEIGHED}: moments of the tractor")
-        if "payload.mass" in results and payload and "mass" not in payload:
-            if results["payload.mass"][0] <= 0:
+        if "payload.mass" in results and payload:
+            if "mass" not in payload and results["payload.mass"][0] <= 0:
                 raise VehicleError(
                     f"payload.mass: expected above 0 kg, got {results['payload.mass'][0]:.0f} kg from the slips; give a"
                     " load of 0 if the trailer is unladen"
                 )
             source = f"{WEIGHED}, laden less {'empty' if slip.empty else 'the unladen mass by the ' + BROCHURE}"
-            self._set(payload, f"{TRAILER}.payload", "mass", results["payload.mass"], source)
+            number = results["payload.mass"]
+            if "mass" in payload:
+                number, source = joined(known["load_mass"], number), f"{GIVEN}; {source}"
+            self._set(payload, f"{TRAILER}.payload", "mass", number, source)
 
     def _weighed(self, unit: dict[str, Any], name: str, mass: Number, cog: Number) -> None:
         """Mass, kg, and CoG behind the origin, m, of a unit."""
@@ -376,7 +381,7 @@ def _check_load(stated: Number, slip: Slip, results: Mapping[str, Number]) -> No
     """Whether the slips less the unladen mass give the stated load."""
     (weighed, sigma_weighed), (load, sigma) = results["payload.mass"], stated
     sigma = TARE_SIGMA * load if sigma is None else sigma
-    if abs(weighed - load) > CONTRADICTION * math.hypot(sigma_weighed or 0.0, sigma) + 1:  # kg, for exact numbers
+    if contradict((weighed, sigma_weighed), (load, sigma)):
         mass = results["trailer.mass"][0]
         raise VehicleError(
             f"load_mass: expected {weighed:.0f} kg, because the trailer has {mass:.0f} kg by the laden slip and"

@@ -117,7 +117,7 @@ YAW_RATE = Channel(
     noise=(1.52e-5, 1.11e-5),  # equation (12) of the article
     discrepancy=0.005,
     shows_clock=True,
-    exchange=Exchange(margin=1.0, least_explained=0.9),
+    exchange=Exchange(margin=0.1, least_explained=0.8),
     state=StateNoise(process=6e-4**2, observer_process=1e-3**2, initial_sigma=0.01),
     model=SensorModel(
         value=lambda now, i, _: now.motion.r[i],

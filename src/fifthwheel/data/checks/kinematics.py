@@ -66,7 +66,10 @@ class Relation:
     lead: float
     """Time by which the signal clearly leads the expected value, s; else 0."""
     gain: float
-    """Standard deviation of the signal over that of the expected value."""
+    """Standard deviation of the signal over that of the expected value; of a signal whose lag is uncertain between 0
+    and that of its channel, the geometric mean of both."""
+    gain_sigma: float
+    """Of the logarithm of the gain, by this lag: it damps quick manoeuvres."""
     offset: float
     """Mean of the signal where the expected value is 0, SI."""
     excited: bool
@@ -183,8 +186,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         values, known = at_common_time(record, name, time)
         if turn.derivative:
             values = np.gradient(values, _STEP)
-        if turn.lag:
-            values = motion.lagged(values, turn.lag)
+        late = motion.lagged(values, turn.lag) if turn.lag else values
         compared = fast & known
         if compared.sum() * _STEP < (_NOISY_DURATION if turn.sign_only else _MIN_DURATION):
             continue
@@ -193,8 +195,9 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         own = motion._replace(
             own_yaw_rate=own_rate if own_known.any() else rate, is_towed=signal.unit != SignalName.of(leading).unit
         )
-        actual, reference = (motion.lagged(x, _SMOOTHING) for x in (values, turn.expected(own)))
-        gain = float(np.std(actual[compared]) / max(float(np.std(reference[compared])), 1e-12))
+        early, actual, reference = (motion.lagged(x, _SMOOTHING) for x in (values, late, turn.expected(own)))
+        sizes = [max(float(np.std(x[compared])), 1e-12) for x in (early, actual, reference)]
+        gain = math.sqrt(sizes[0] * sizes[1]) / sizes[2]
         nominal = correlation(actual, reference, compared, 0)
         shifts = range(-30, 31, 2)
         shifted = [correlation(actual, reference, compared, shift) for shift in shifts]
@@ -210,6 +213,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             inverted=-min(shifted[i] for i, shift in enumerate(shifts) if abs(shift) <= 6),
             lead=shifts[best] * _STEP if leads else 0.0,
             gain=gain,
+            gain_sigma=abs(math.log(sizes[0] / sizes[1])) / 2,
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
             excited=turning and float(np.std(actual[compared])) > turn.least_sigma,
             wheelbase=wheelbase,

@@ -367,7 +367,8 @@ def _samples(
     if impossible.any():
         largest = f"{np.abs(values[impossible]).max():.1g} {si}"
         count = int(impossible.sum())
-        notes.append(f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}")
+        where = f"the first at {first.time[impossible.argmax()] - origin(first.time[0]):.2f} s"
+        notes.append(f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}, {where}")
         values = np.where(impossible, np.nan, values)
     present = np.flatnonzero(np.isfinite(values))
     spiky = spike_mask(signal, first.time[present], values[present])

@@ -28,8 +28,10 @@ _STYLE = 2.0
 """Of each column whose unit is not that of other columns of the same quantity, or of degrees with radians."""
 TYPICAL_STEERING_RATIO = 19.0
 """Of heavy trucks; 15 to 25 are common."""
-_RATIO, _WHEEL, _WHEEL_IN_RAD = 0.2, 4.0, 1.5
-"""Standard deviation of its logarithm; costs of a wheel that is not the one of the name, and of one in rad."""
+RATIO_SIGMA = 0.2
+"""Standard deviation of its logarithm."""
+_WHEEL, _WHEEL_IN_RAD = 4.0, 1.5
+"""Costs of a steering wheel that is not the one of the name, and of one in rad."""
 _SPREAD = {"roll_rate": 0.25, "roll": 0.25, "yaw_rate": 0.3, "lateral_acceleration": 0.3}
 """Standard deviation of the logarithm of the ratio of a signal to the expected one; of others:"""
 _OTHER_SPREAD = 0.4
@@ -70,8 +72,9 @@ class LikelyUnits:
 
     readings: Mapping[str, ColumnReading]
     """By signal."""
-    gains: Mapping[str, float]
-    """By signal: its size over that expected, with this reading."""
+    gains: Mapping[str, tuple[float, float]]
+    """By signal: its size over that expected, with this reading, and the standard deviation of the logarithm by its
+    lag."""
     findings: tuple[Finding, ...]
     """A caution on each that another reading explains nearly as well."""
 
@@ -102,7 +105,7 @@ def likely_units(
     search = _Search(record, options, stated, wheelbase)
     best = min(search.costs, key=lambda chosen: search.costs[chosen])
     chosen = dict(zip(options, (options[n][k] for n, k in zip(options, best, strict=True)), strict=True))
-    gains = {relation.signal: float(np.exp(off)) for relation, off in search.deviations(chosen)}
+    gains = {r.signal: (float(np.exp(off)), r.gain_sigma) for r, off in search.deviations(chosen)}
     close: dict[tuple[ColumnReading, ColumnReading], list[str]] = {}
     for place, name in enumerate(options):
         taken = chosen[name]
@@ -232,7 +235,7 @@ class _Search:
         for k, (r, _) in enumerate(found):
             if chosen[r.signal].wheel:
                 off[k] -= np.log(TYPICAL_STEERING_RATIO)
-                sigma[k] = np.hypot(sigma[k], _RATIO)
+                sigma[k] = np.hypot(sigma[k], RATIO_SIGMA)
             sigma[k] = np.hypot(sigma[k], np.log(max(abs(r.correlation), 0.02)))
         rolls = np.array([is_of(r.signal, ROLL, ROLL_RATE) for r, _ in found], dtype=float)
         covariance = np.diag(sigma**2) + _ROLL**2 * np.outer(rolls, rolls)

@@ -63,6 +63,11 @@ _LEAST_TOP_SPEED = 8.0
 """m/s; a truck on the road drives faster."""
 _STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw|lrw|hwa)_|lenkrad|hand|column|volant")
 _ROAD_WHEEL = re.compile("_[lr]_?1_|knuckle|road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
+_COMPUTED = re.compile(
+    "_(filt[a-z]*|gefiltert|lp\\d*|tp\\d*|low_?pass|tief_?pass|corr|corrected|korr|korrigiert|compensated|calc|calculated"
+    "|maths?|smooth[a-z]*|avg|average|mean|mittel[a-z]*)_"
+)
+"""Words of columns that a logger computes from others."""
 _DEVICE = re.compile("(?<=[a-z0-9])_(gps|gnss|obd|can)$")
 """Words at the end of a name for the device that has measured."""
 _SENSORS = {
@@ -103,6 +108,11 @@ class ColumnHint:
     """Words of the name and its source, with "_" before, between and after them."""
     number: int | None = None
     """The unit's number in the name, from 1 for the leading unit."""
+
+    @property
+    def is_computed(self) -> bool:
+        """Whether it is computed from another column by its name, whose noise it shares."""
+        return _COMPUTED.search(self.words) is not None
 
     @property
     def sensor(self) -> str:

@@ -31,11 +31,18 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.channels.table import UNDERSTEER
 from fifthwheel.data.checks.findings import Fault, Finding, remedy_text, warning
-from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation, relations, signs_of
+from fifthwheel.data.checks.kinematics import Relation, at_common_time, common_time, correlation, relations, signs_of
 from fifthwheel.data.checks.plausibility import MIN_SPEED, check
 from fifthwheel.data.checks.signs import Signs
 from fifthwheel.data.logs.assemble import assemble
-from fifthwheel.data.logs.likely_units import CLOSE, TYPICAL_STEERING_RATIO, ColumnReading, likely_units, readings
+from fifthwheel.data.logs.likely_units import (
+    CLOSE,
+    RATIO_SIGMA,
+    TYPICAL_STEERING_RATIO,
+    ColumnReading,
+    likely_units,
+    readings,
+)
 from fifthwheel.data.logs.name_rules import (
     NO_UNIT,
     ColumnHint,
@@ -58,6 +65,10 @@ _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""
 _STEERING_RATIOS = (7.0, 60.0)
 """Size of a steering-wheel angle over that expected of the road wheels; trucks have a ratio of 15 to 25."""
+_WHEELBASE = 0.03
+"""Standard deviation of the logarithm of the wheelbase that a turn at low speed has, by the scrub of tandem axles."""
+_WEAK = 0.15
+"""Correlation of an inverted signal from which its sign is asked."""
 _MAX_LAG = 1.5
 """s"""
 _SIDESLIP = 0.1
@@ -105,7 +116,9 @@ def correct_map(
     for name, channel in signals.items():
         jumps = [note.partition(": ")[2] for note in record.notes if note.startswith(f"{channel.column}: jumps")]
         corrections[name] = [*jumps, *corrections.get(name, [])]
-    questions += tuple(_mirrored(signs_of([*relations(corrected, wheelbase=wheelbase, min_speed=MIN_SPEED)])))
+    every = [*relations(corrected, wheelbase=wheelbase, min_speed=MIN_SPEED)]
+    signs = signs_of(every)
+    questions += (*_mirrored(signs), *_weak_signs(every, signs))
     result = proposed.model_copy(update={"signals": signals})
     words = {name: "; ".join(texts) for name, texts in corrections.items() if texts}
     return result, words, questions, without_set_units(check(in_map(signals), wheelbase=wheelbase), result, log)
@@ -122,6 +135,20 @@ def _mirrored(signs: Signs) -> Iterator[Finding]:
             "body rolls outwards; otherwise exchange both groups: sign = -1 in signals.toml for the second one only"
         )
         yield warning(first, Fault.SWAPPED_SIGN, problem, others=tuple(others))
+
+
+def _weak_signs(every: Iterable[Relation], signs: Signs) -> Iterator[Finding]:
+    """The question whether signals are inverted that are too weak to decide it."""
+    for relation in every:
+        sign = -1 if relation.own in signs.inverted else 1
+        undecided = relation.signal not in (*signs.inverted, *signs.others) and relation.turn.has_other_causes
+        if relation.excited and undecided and sign * relation.correlation < -_WEAK:
+            problem = (
+                f"its sign is not clear: inverted, it has a correlation of {abs(relation.correlation):.2f} with turns;"
+                " a body rolls outwards, so that its roll increases where a left turn begins; look at one, or propose"
+                " a map for more logs of this logger together"
+            )
+            yield warning(relation.signal, Fault.SWAPPED_SIGN, problem)
 
 
 def without_set_units(findings: Iterable[Finding], signal_map: SignalMap, log: LogSource) -> tuple[Finding, ...]:
@@ -163,16 +190,16 @@ def _with_likely_units(
             signals[name] = signals[name].model_copy(update={"unit": reading.unit})
             words = f"unit {reading.unit} by its magnitude"
             if name in found.gains:
-                ratio = found.gains[name]
+                ratio, _ = found.gains[name]
                 times = [
                     f"{ratio * scale:.2g} times in {unit}"
                     for unit, scale in ((reading.unit, 1.0), (first.unit, first.scale / reading.scale))
                 ]
                 words += f": {' and '.join(times)} what the other signals predict"
             corrections[name] = [words]
-        if reading.wheel and _STEERING_RATIOS[0] < found.gains.get(name, 0.0) < _STEERING_RATIOS[1]:
+        if reading.wheel and _STEERING_RATIOS[0] < found.gains.get(name, (0.0, 0.0))[0] < _STEERING_RATIOS[1]:
             scale = found.readings["speed"].scale / options["speed"][0].scale
-            used = _steering_ratio(found.gains[name], scale * float(np.nanmedian(record.signals["speed"])), wheelbase)
+            used = _steering_ratio(*found.gains[name], scale * float(np.nanmedian(record.signals["speed"])), wheelbase)
             source = signals[name].model_copy(update={"sensor": "steering wheel"})
             signals[name] = source.with_uncertain(gain=f"{1 / used.value:.4g} +- {100 * used.sigma:.0f} %")
             corrections.setdefault(name, []).append(used.words)
@@ -199,18 +226,22 @@ class _Ratio(NamedTuple):
     words: str
 
 
-def _steering_ratio(ratio: float, speed: float, wheelbase: float) -> _Ratio:
-    """The ratio of a steering-wheel angle that is `ratio` times the road-wheel angle expected at a speed, m/s."""
-    # the understeer gradient is unknown: a uniform distribution of ratios is possible
-    low, high = (
-        ratio * (wheelbase + UNDERSTEER * speed**2) / (wheelbase + k * speed**2) for k in (2 * UNDERSTEER, 0.0)
-    )
-    used = round(float(np.clip(TYPICAL_STEERING_RATIO, low, high)), 1)
+def _steering_ratio(ratio: float, of_lag: float, speed: float, wheelbase: float) -> _Ratio:
+    """The ratio of a steering-wheel angle that is `ratio` times the road-wheel angle expected at a speed, m/s.
+
+    `of_lag` is the standard deviation of its logarithm by the lag. Joined with the usual ratio of trucks.
+    """
+    # the understeer gradient of a truck may be 0, or twice the usual one
+    of_understeer = UNDERSTEER * speed**2 / (wheelbase + UNDERSTEER * speed**2)
+    sigma = float(np.linalg.norm([of_lag, of_understeer, _WHEELBASE]))
+    weight = RATIO_SIGMA**2 / (RATIO_SIGMA**2 + sigma**2)
+    used = round(float(TYPICAL_STEERING_RATIO ** (1 - weight) * ratio**weight), 1)
     words = (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
-        f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
+        f"{ratio:.3g} +- {100 * sigma:.0f} %; joined with {TYPICAL_STEERING_RATIO:g} +- {100 * RATIO_SIGMA:.0f} % of "
+        f"trucks, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
     )
-    return _Ratio(used, (high - low) / (np.sqrt(12) * used), words)
+    return _Ratio(used, RATIO_SIGMA * np.sqrt(1 - weight), words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -382,6 +413,7 @@ def _assign_towed_gyros(
     As many gyros as units are those of the units in the order of their lags; else the last one is of the last unit.
     """
     gyros = [hint for hint in candidates.get(f"yaw_rate.{units[0]}", []) if hint.trailing is None]
+    gyros = [hint for hint in gyros if not hint.is_computed] or gyros  # a filtered gyro lags too
     if len(units) < 2 or len(gyros) < 2 or f"yaw_rate.{units[-1]}" in candidates:
         return {}
     channels = {f"yaw_rate.gyro{k}": SignalSource(column=hint.column) for k, hint in enumerate(gyros)}
@@ -438,12 +470,14 @@ def _lag(record: Record, name: str) -> float:
     return shifts[best] / COARSE_RATE if correlations[best] > 0.8 else 0.0
 
 
-def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, bool, float, float]:
-    """Sort key: complete columns first, then of the body, road wheels, named units, high rates and large variation."""
+def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, bool, bool, float, float]:
+    """Sort key: complete columns first, then of the body, road wheels, named units, those that are not computed, high
+    rates and large variation."""
     present = 1 - content.missing / max(content.samples, 1)
     rate = content.rate if np.isfinite(content.rate) else 0.0
     of_body = hint.channel is STEER or not hint.of_wheel
-    return present > 0.5, of_body, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
+    named, raw = hint.trailing is not None, not hint.is_computed
+    return present > 0.5, of_body, not hint.steering_wheel, named, raw, min(rate, 100.0), content.sigma
 
 
 def _of_wheel(proposed: SignalMap, hints: Mapping[str, ColumnHint]) -> Iterator[Finding]:

@@ -119,6 +119,8 @@ class LogSource(ABC):
         """Date and time of instant 0, s since 1970, where the file has one and its timestamps count from there."""
         self.sampled = False
         """Whether only a sample of the file is read; see `sample`."""
+        self.pauses = 0.0
+        """s, of all pauses between the logs that it joins."""
         self.size = 0
         """Bytes of a file that can be sampled; 0 where the reader cannot skip a part."""
         self.opening_notes: list[str] = []

@@ -49,7 +49,7 @@ class LogSurvey:
     start: float
     """First timestamp, s."""
     stop: float
-    """Last timestamp, s."""
+    """Last timestamp, s, without the pauses between joined logs."""
     notes: tuple[str, ...]
 
 
@@ -81,7 +81,9 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
         rate = held.rate if held else 1 / step if step > 0 else np.nan
         contents[name] = moments[name].content(column, rate, log.unusable.get(name))
     notes = [*log.notes, *rows.notes, *(note for name, found in marks.items() for note in found.notes(name))]
-    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(map(printable, notes)))
+    return LogSurvey(
+        name=log.name, contents=contents, start=start, stop=stop - log.pauses, notes=tuple(map(printable, notes))
+    )
 
 
 class _Moments:

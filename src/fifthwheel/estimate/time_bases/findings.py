@@ -196,7 +196,7 @@ def time_base_findings(record: Record, prediction: Prediction, offsets: Sequence
     for front, rear in exchanged:
         finding = error if is_of(rear, YAW_RATE) else warning
         problem = f"follows the motion expected of {front}, and {front} that of {rear}"
-        cure = "exchange the columns of both in signals.toml"
+        cure = "exchange the columns of both in signals.toml, and those of other sensors in the same two devices"
         yield finding(rear, Fault.EXCHANGED, f"{problem}; {cure}", others=(front,))
     if exchanged:
         return
@@ -215,7 +215,8 @@ def exchanged_pairs(prediction: Prediction) -> Iterator[tuple[str, str]]:
     """Pairs of yaw rates or roll rates that are better explained by the prediction of the other one.
 
     Exchanged channels have one common lag of up to 0.12 s. They must be explained better than by a free lag of each
-    channel, so that a time offset is not taken for an exchange.
+    channel, so that a time offset is not taken for an exchange: a late and an early gyro explain exchanged ones nearly
+    as well in slow driving.
     """
     for first, second in combinations(range(len(prediction.names)), 2):
         channel = channel_of(prediction.names[first])

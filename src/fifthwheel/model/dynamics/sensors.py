@@ -246,8 +246,9 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
 def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> tuple[str, ...]:
     """Those of `all_pairs` that the model of a vehicle has.
 
-    Of the first unit only steered axles count: driven wheels have slip, which a locked differential makes different on
-    both sides. None counts where the static axle loads, which the load transfer needs, are not determined.
+    Of the first unit only steered axles count, and no driven ones: their wheels have slip, which a locked differential
+    makes different on both sides. None counts where the static axle loads, which the load transfer needs, are not
+    determined.
 
     >>> from fifthwheel.truck import get
     >>> sides = [f"{axle}.{side}" for axle in ("tractor.drive", "semitrailer") for side in ("left", "right")]
@@ -256,7 +257,11 @@ def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> tuple[str, ...]:
     """
     leading, steered = vehicle.units[0].name, vehicle.steer_signals()
     signals = {name: SignalName.of(name) for name in all_pairs(names)}
-    pairs = tuple(n for n, each in signals.items() if each.unit != leading or f"steer.{each.place}" in steered)
+    powered = [(unit, group) for unit in vehicle.units for group in unit.axle_groups if group.driven]
+    driven = {f"{unit.name}.{axle.name}" for unit, group in powered for axle in group.axles}
+    driven |= {unit.group_path(group) for unit, group in powered}
+    used = {n: each for n, each in signals.items() if each.place not in driven}
+    pairs = tuple(n for n, each in used.items() if each.unit != leading or f"steer.{each.place}" in steered)
     try:
         return pairs if pairs and vehicle.axle_loads() else ()
     except VehicleError:

@@ -1,5 +1,6 @@
 """What a vehicle is, in numbers that an engineer checks first."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fifthwheel.base import pages
 from fifthwheel.base.arguments import expect
-from fifthwheel.base.formatting import fixed
+from fifthwheel.base.formatting import enumerated, fixed
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import ROLL_RATE, SignalName, is_of
@@ -40,7 +41,7 @@ class VehicleSummary(Displayed):
     modes: tuple[tuple[float, float], ...]
     """Frequency, Hz, and damping ratio of each oscillation."""
     motions: tuple[str, ...]
-    """Main motion of each oscillation: "yaw", or "roll, semitrailer"."""
+    """Main motion of each oscillation: "yaw", or "roll, tractor and lead against semitrailer"."""
 
     def rows(self) -> list[tuple[str, str]]:
         """Name and value of each quantity, with its unit."""
@@ -84,8 +85,8 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         >>> print(summary)  # doctest: +ELLIPSIS
         cheng_cebon_2011 at 80 km/h
         <BLANKLINE>
-        Quantity                                                Value
-        load, tractor.front                                   67.6 kN
+        Quantity                                                            Value
+        load, tractor.front                                               67.6 kN
         ...
     """
     expect("vehicle", vehicle, Vehicle)
@@ -111,8 +112,17 @@ def _motions(vehicle: Vehicle, speed: float, oscillations: list[Mode]) -> tuple[
     near, _ = linear_sum_assignment(np.abs(np.subtract.outer(values, yaw)))
     rest = np.delete(values, near)
     rates = {i: SignalName.of(name).place for i, name in enumerate(system.states) if is_of(name, ROLL_RATE)}
-    units = [rates[max(rates, key=lambda i: abs(mode.shape[i]))] for mode in oscillations]
     return tuple(
-        f"roll, {unit}" if np.isclose(rest, mode.eigenvalue).any() else "yaw"
-        for mode, unit in zip(oscillations, units, strict=True)
+        f"roll, {_rolling(mode, rates)}" if np.isclose(rest, mode.eigenvalue).any() else "yaw" for mode in oscillations
     )
+
+
+def _rolling(mode: Mode, rates: Mapping[int, str]) -> str:
+    """The units, by the states of their roll rates, that roll most in an oscillation, and those that roll against them.
+
+    Units with less than half of the largest amplitude are left out.
+    """
+    largest = mode.shape[max(rates, key=lambda i: abs(mode.shape[i]))]
+    shape = {unit: complex(mode.shape[i] / largest) for i, unit in rates.items()}
+    sides = [[unit for unit, x in shape.items() if abs(x) > 0.5 and (x.real > 0) == along] for along in (True, False)]
+    return " against ".join(enumerated(side) for side in sides if side)

@@ -84,9 +84,9 @@ def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody,
 
 def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str, float]) -> SprungBody:
     axle_mass = (unit.mass - unit.laden_sprung_mass) / len(unit.axles)
-    is_first, tyres = unit is vehicle.units[0], vehicle.tyres()
+    tyres, driven = vehicle.tyres(), vehicle.driven_groups()
     axles = tuple(
-        _axle(unit, group, i, axle_mass, loads[path], tyres[path], properties, is_first=is_first)
+        _axle(unit, group, i, axle_mass, loads[path], tyres[path], properties, driven=path in driven)
         for path, group in ((unit.group_path(group), group) for group in unit.axle_groups)
         for i in range(len(group.on_road))
     )
@@ -135,10 +135,9 @@ def _axle(
     tyres: int,
     properties: Properties,
     *,
-    is_first: bool,
+    driven: bool,
 ) -> BeamAxle:
     path, n, axle = unit.group_path(group), len(group.on_road), group.on_road[i]
-    steered = any(a.steerable for a in group.axles)
     has_twin_tyres = tyres > 2 * n if properties.twin_tyres is None else path in properties.twin_tyres
     sprung_load = load / n - mass * GRAVITY
     if sprung_load <= 0:
@@ -165,7 +164,7 @@ def _axle(
         tyres_per_side=2 if has_twin_tyres else 1,
         cornering_stiffness=group.cornering_stiffness / n,
         pneumatic_trail=group.pneumatic_trail,
-        driven=is_first and not steered,
+        driven=driven,
         steered=axle.steerable,
         self_steering=axle.self_steering or 0.0,
         command_steering=axle.command_steering or 0.0,

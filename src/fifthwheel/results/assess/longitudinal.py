@@ -18,7 +18,7 @@ with a gear change at the governed speed, during which nothing drives; the truck
 number of gears, that take the least time. Turbo lag and the torque that the gearbox limits are not included.
 
 National Transport Commission, Performance-Based Standards Scheme, The Standards and Vehicle Assessment Rules (2008).
-The driven group is the last one of the first unit.
+The driven group is the last one of `Vehicle.driven_groups`.
 
 Braking efficiency: a group with the braking force F_x needs the friction -F_x / N, and the efficiency is the
 deceleration z over the largest of them: the fraction of the friction that a stop without locked wheels can use. The
@@ -142,7 +142,7 @@ def notes(truck: Truck, values: Values) -> list[str]:
 def grades(truck: Truck, force: float) -> tuple[float, float]:
     """Rise over run that a force of the driveline, N, can climb, and that the friction of the driven group permits."""
     vehicle, (rolling, _) = truck.vehicle, numbers(truck.vehicle)["rolling_resistance"]
-    weight, driven = _weight(vehicle), _driven(vehicle)
+    weight, driven = _weight(vehicle), vehicle.driven_groups()[-1]
     level = vehicle.axle_loads()[driven]
     rise = vehicle.axle_loads(1.0, {driven: weight})[driven] - level  # of its load over cos a, for each rise over run
     of_friction = (FRICTION * level - rolling * weight) / (weight - FRICTION * rise)
@@ -208,7 +208,7 @@ def _rates(truck: Truck, n: Mapping[str, float], gear: float, speed: float) -> t
     middle = (v[1:] + v[:-1]) / 2
     closed = middle > engaged
     launch = n["launch_torque"] * n["efficiency"] * ratio
-    friction = FRICTION * vehicle.axle_loads()[_driven(vehicle)]
+    friction = FRICTION * vehicle.axle_loads()[vehicle.driven_groups()[-1]]
     force = np.minimum(np.where(closed, _force(n, gear, middle), launch), friction)
     of_engine = np.where(closed, ratio**2, 0.0)
     rotating = rotating_mass(sum(vehicle.tyres().values()), n["rotating_mass"], n["engine_inertia"], of_engine)
@@ -248,11 +248,6 @@ def _resistance(truck: Truck, n: Mapping[str, float], speed: Any) -> Any:
 
 def _weight(vehicle: Vehicle) -> float:
     return sum(unit.mass for unit in vehicle.units) * GRAVITY
-
-
-def _driven(vehicle: Vehicle) -> str:
-    first = vehicle.units[0]
-    return first.group_path(first.axle_groups[-1])
 
 
 def measure_braking(truck: Truck) -> Values:
