@@ -1,6 +1,7 @@
 """The logs of the workspace: what they contain, plots of their channels, and windows that are left out."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -21,6 +22,8 @@ from fifthwheel.results.report.logs import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""
+FEW = 3
+"""Above this number of logs, a narrow screen folds their list."""
 SEARCHED = 8
 """Above this number of channels there is a search."""
 FIRST = 4
@@ -104,7 +107,8 @@ class _Page:
         _read_next(self.workspace, logs)
         self._leave_out_unreadable(logs)
         chosen = self._chosen()
-        with ui.element("div").classes("fw-scroll fw-logs"), ui.element("table").props('aria-label="Logs"'):
+        place = layout.part("Logs", begins=True) if len(logs) > FEW else nullcontext()
+        with place, ui.element("div").classes("fw-scroll fw-logs"), ui.element("table").props('aria-label="Logs"'):
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:
@@ -398,10 +402,6 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
         first += step
         rows.refresh()
 
-    layout.heading("Channels")
-    if len(survey.contents) > SEARCHED:
-        layout.search("Find a channel", search)
-
     @ui.refreshable
     def rows() -> None:
         names = [name for name in survey.contents if text in name.lower()]
@@ -422,7 +422,10 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
                 more = ui.button("More", on_click=lambda: turn(ROWS)).props("flat dense no-caps")
                 more.set_enabled(first + ROWS < len(names))
 
-    rows()
+    with layout.part("Channels"):
+        if len(survey.contents) > SEARCHED:
+            layout.search("Find a channel", search)
+        rows()
 
 
 def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: Callable[..., object]) -> None:
