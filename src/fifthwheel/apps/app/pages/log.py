@@ -30,6 +30,8 @@ FIRST = 4
 """Channels that are drawn at first."""
 MOST = 12
 """Channels that are drawn at the same time."""
+MANY = 1_000_000
+"""Samples of a channel whose small plot shows its spikes, because to find them takes longer than to show the page."""
 _INSTANT = ".3f"
 """Form of an instant in a field, s."""
 _PANEL = 130
@@ -440,5 +442,6 @@ def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: 
                 ui.label(printable(cell))
         with ui.element("td"):
             if present:
-                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS))
+                visible = log.range_without_spikes(name, *log.span()) if content.samples < MANY else None
+                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS), visible)
                 ui.html(drawn, sanitize=False).props('aria-hidden="true"')

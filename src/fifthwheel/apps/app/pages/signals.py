@@ -12,7 +12,7 @@ from fifthwheel.apps.workflow.inputs import steered_axle
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
-from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION, range_without_spikes, visible_range
 from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.data.channels.sensors import fitting_classes
 from fifthwheel.data.checks import Fault, Finding
@@ -428,14 +428,19 @@ def _words(channel: ChannelEvidence) -> str:
 
 def _plot(evidence: SignalEvidence | None, signal: str) -> Plot:
     items: list[Item] = []
+    visible: tuple[float, float] | None = None
     if evidence is not None and signal in evidence.others:
         time, values = evidence.others[signal]
+        visible = range_without_spikes(values)
         items = [Line(time, values, name="measured", colour=BLUE, gaps=False)]
     elif evidence is not None and signal in evidence.channels:
         time, channel = evidence.time, evidence.channels[signal]
+        if within := range_without_spikes(channel.measured):
+            visible = visible_range(within, channel.lowest, channel.highest)
         items = [
             Band(time, channel.lowest, channel.highest, name="range of the prediction", colour=GREY),
             Line(time, channel.measured, name="measured", colour=BLUE),
             Line(time, channel.predicted, name="predicted", colour=VERMILLION, width=1.5),
         ]
-    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=si_unit(signal) or ""))])
+    y = Axis(unit=si_unit(signal) or "", range=visible)
+    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=y)])
