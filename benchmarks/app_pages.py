@@ -70,7 +70,7 @@ def main() -> None:
                     page.get_by_text("channels").first.wait_for()
                     for name in names:
                         page.goto(start.rstrip("/") + address(name))
-                        page.locator(SHOWN).first.wait_for(timeout=60_000)
+                        page.locator(SHOWN).first.wait_for(state="attached", timeout=60_000)  # a narrow page folds some
                         page.wait_for_timeout(SETTLED)
                         path = OUT / f"{name}-{form}.webp"
                         save(page.screenshot(), path)

@@ -54,7 +54,7 @@ def signals(page):
 def log(page):
     """Go to the page Log, and wait for its table."""
     page.goto("/")
-    page.get_by_role("table", name="Channels").wait_for()
+    page.get_by_label("Channels", exact=True).and_(page.locator("table")).wait_for(state="attached")  # folded if narrow
 
 
 def section(page, signal):

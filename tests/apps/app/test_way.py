@@ -20,7 +20,7 @@ from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.data.logs import write_record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import Vehicle, get
+from fifthwheel.truck import Vehicle, catalogue, get
 from tests.apps.app.served import served, tab
 from tests.results.report.conftest import result
 
@@ -150,6 +150,36 @@ def test_from_a_log_to_a_report_on_a_telephone(page, folder):
     headline = report(page).locator(".headline").inner_text()
     assert "parameters are identified" in headline or "parameters converged" in headline, headline
     assert page.evaluate("document.documentElement.scrollWidth") == 390
+    shutil.copytree(folder / "runs" / "run-1", folder / "runs" / "again")
+    for name, shown in SHOWN.items():
+        page.goto(f"/{name}")
+        page.locator(shown).first.wait_for(timeout=LONG)
+        page.wait_for_timeout(1000)
+        assert page.evaluate("document.documentElement.scrollHeight") <= 1500, name
+        assert page.evaluate(SMALL) == [], name
+        page.emulate_media(media="print")
+        assert page.evaluate(FOLDED) == 0, name
+        page.emulate_media(media="screen")
+        assert page.evaluate(FOLDED) > 0 or name in ("truck", "identify"), name
+
+
+SHOWN = {
+    "": "[role=img] .plot-container",
+    "signals": ".fw-finding",
+    "truck": "[role=img] .plot-container",
+    "check": ".fw-table table",
+    "identify": ".fw-report",
+    "explore": ".fw-table table",
+    "compare": ".fw-table table",
+    "history": ".fw-table table",
+}
+"""What a page begins with."""
+SMALL = """[...document.querySelectorAll('.fw-page :is(button, a, [role=checkbox], input), header :is(a, button)')]
+  .filter(e => e.offsetParent && !e.closest('.modebar'))
+  .map(e => [(e.closest('.q-field, .q-checkbox') || e).getBoundingClientRect().height, e.outerHTML])
+  .filter(([height]) => height < 40)"""
+FOLDED = """[...document.querySelectorAll('.fw-folded')]
+  .filter(e => getComputedStyle(e).visibility == 'hidden' || e.clientHeight == 0).length"""
 
 
 def test_the_questions_describe_a_truck_and_are_kept(page, folder):
@@ -196,6 +226,24 @@ def test_the_questions_describe_a_truck_and_are_kept(page, folder):
     page.get_by_text("Describe a tractor and its semitrailer").click()
     page.get_by_text("Still needed: ").wait_for()
     assert page.get_by_role("region", name="Described truck").get_by_role("img").count() == 0
+
+
+def test_the_load_of_each_unit_is_typed(page, folder):
+    (folder / "vehicle.toml").write_text(catalogue.text("b_double"))
+    page.goto("/truck")
+    page.get_by_text("Loads", exact=True).click()
+    for label, answer in (("Lead trailer payload, mass", "5,2 t"), ("Trailer payload, height", "1.5 m +- 10 cm")):
+        page.get_by_label(label, exact=True).fill(answer)
+        page.get_by_label(label, exact=True).press("Tab")
+        page.get_by_role("button", name=f"Undo: {label}").wait_for()
+        page.get_by_text("Loads", exact=True).click()
+    page.get_by_label("Trailer payload, width", exact=True).fill("2 kg")
+    page.get_by_label("Trailer payload, width", exact=True).press("Tab")
+    page.get_by_text("Trailer payload, width: ").wait_for()
+    truck = Vehicle.load(folder / "vehicle.toml")
+    assert [round(unit.mass) for unit in truck.units[1:]] == [19900 - 13000 + 5200, 33450]
+    assert truck.parameters()["semitrailer.payload.height"] == 1.5
+    assert truck.stated["semitrailer.payload.height"] == pytest.approx(0.1)
 
 
 def test_a_result_is_replaced_only_after_a_question_renamed_and_deleted(page, folder, result):
@@ -314,7 +362,7 @@ def test_a_slider_by_keys_changes_the_prediction(page, folder):
     while table.inner_text() == before:
         assert time.monotonic() < end
         page.wait_for_timeout(100)
-    page.wait_for_timeout(1500)  # all ten steps are kept
+    page.wait_for_timeout(100)  # all ten steps have arrived
     page.reload()
     slider.wait_for()
     assert slider.input_value() == "10"

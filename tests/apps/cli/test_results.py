@@ -93,6 +93,18 @@ def test_what_is_refused_names_the_key_and_the_cure(exact, run, tmp_path):
     assert (tmp_path / "file").read_text() == "mine"
 
 
+def test_a_place_for_the_results_is_refused_before_the_computation(exact, run, tmp_path):
+    """Which would refuse something else here."""
+    (tmp_path / "file").write_text("mine")
+    absent = tmp_path / "absent.csv"
+    for arguments in (
+        ("assess", exact, "--speed", "10"),
+        ("evaluate", absent, "--test", "step"),
+        ("validate", absent, absent, "--test", "step"),
+    ):
+        refused(run(*arguments, "-o", tmp_path / "file"), ".*file: expected a folder, got a file; choose another name")
+
+
 @pytest.fixture
 def runs(identified, tmp_path):
     for name in ("monday", NASTY.replace("/", "")):

@@ -3,10 +3,12 @@
 import json
 import sys
 
+import numpy as np
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.pages import Document, html
+from fifthwheel.base.plots.items import range_without_spikes
 
 
 def test_a_library_is_compressed_once(tmp_path, monkeypatch):
@@ -47,3 +49,15 @@ def test_formats_that_cannot_be_written_are_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
         html.checked_format("svg")
+
+
+def test_a_spike_does_not_flatten_a_small_line():
+    time = np.linspace(0, 10, 200)
+    values = np.sin(time)
+    values[50] = 1e3
+
+    def rows(line):
+        return len({point.split(",")[1] for point in line.split('d="M')[1].split('"')[0].split("L")})
+
+    assert rows(html.course(time, values)) < 5
+    assert rows(html.course(time, values, range_without_spikes(values))) > 50

@@ -50,6 +50,18 @@ def test_live_samples_are_those_of_a_file(tmp_path, text):
     assert not {"lateral_velocity.tractor"} & {name for sample in samples for name in sample}
 
 
+@pytest.mark.parametrize("first", [1.0, 359.0])
+def test_an_angle_that_wraps_is_continuous_and_near_0(first):
+    live = LiveMap(SignalMap(), ["time", "speed", "steer.tractor.front [deg]"])
+    angle = first + np.array([0, 1, 0, -2, -4, -2, 2, 4, -1])
+    angles = []
+    for k, value in enumerate(angle % 360):
+        (sample,) = live.push({"time": 0.01 * k, "speed": 20.0, "steer.tractor.front [deg]": value})
+        angles.append(np.degrees(sample["steer.tractor.front"]))
+    wrapped = int(np.argmax(np.abs(np.diff(angle % 360)) > 180)) + 1
+    np.testing.assert_allclose(angles[wrapped:], (angle - 360 * (first > 180))[wrapped:], atol=1e-9)
+
+
 def test_a_fault_changes_nothing():
     """Without delays every sample is returned at once."""
     live = LiveMap(SignalMap(), ["time", "speed [km/h]", "yaw_rate.tractor"])

@@ -17,6 +17,7 @@ from fifthwheel.estimate.identify.fits import (
     evaluate_fits,
     free_run_fits,
 )
+from fifthwheel.estimate.identify.result.display import fit_panel
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
@@ -155,6 +156,17 @@ def test_which_channels_are_unexplained(truck: Vehicle) -> None:
     ):
         fit = fit_of(signal, explained, ratio, noise=1e-5)
         assert _is_unexplained(fit, truck, OneStage(noise={signal: 1e-5})) == unexplained, (signal, explained, ratio)
+
+
+def test_a_spike_is_outside_the_axis_of_a_panel() -> None:
+    fit = fit_of("yaw_rate.tractor", 1.0, 4.0, noise=1e-4)
+    assert fit_panel(fit).y.range is None
+    spiked = fit.measured.copy()
+    spiked[500] = 10.0
+    panel = fit_panel(replace(fit, measured=spiked), title="yaw rate")
+    assert panel.y.range is not None
+    assert max(np.abs(panel.y.range)) < 3.0  # deg/s
+    assert panel.title == "yaw rate (spikes outside the axis)"
 
 
 def test_explained_fraction_and_rms(steered: Vehicle) -> None:

@@ -60,6 +60,13 @@ def test_variants_of_a_known_vehicle_have_other_stiffness():
         assert_close(response_of[:, i], response(changed(stiffness), YAW2, prediction.time), known)
 
 
+def test_of_other_units_only_the_tractor_is_predicted_without_a_vehicle():
+    double = get("b_double")
+    record = simulate(double, count=1, seed=3)
+    assert {name.rpartition(".")[2] for name in predict_channels(record).names} == {"tractor"}
+    assert {name.rpartition(".")[2] for name in predict_channels(record, double).names} > {"lead", "semitrailer"}
+
+
 def test_variants_of_an_unknown_vehicle_have_other_stiffness_and_length():
     """Tractor and semitrailer with 0.6, 1 and 1.7 of the stiffness and 0.8 to 1.7 of the length of the trailer."""
     prediction = predict_channels(RECORD)

@@ -149,6 +149,15 @@ def test_what_only_one_record_has_is_noted(truck):
         fw.validate(other, more, "steady_state")
 
 
+def test_g_times_the_roll_angle_is_in_the_lateral_accelerations_of_both_or_of_none(truck):
+    results = simulated(truck, "step", noise="quiet")
+    log = replace(results, signals={n: v for n, v in results.signals.items() if "roll" not in n}, reference={})
+    for pair in ((results, log), (log, results)):
+        found = fw.validate(*pair, "step", vehicle=truck)
+        assert any(m.name.endswith("lateral_acceleration.semitrailer") for m in found.measures)
+        assert all(m.results == m.log for m in found.measures)
+
+
 @pytest.mark.slow
 def test_inverted_angles_of_the_results_are_refused(truck):
     test, log = "step", simulated(truck, "step", noise="gyros")

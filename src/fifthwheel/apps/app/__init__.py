@@ -22,5 +22,6 @@
   `jobs.start("identify", function, workspace.folder)` with a function that calls it in the process.
 - Messages and reports name settings by `base.spelling`; the server and its jobs spell them as questions of the pages.
 - `documents.show(*blocks)` shows blocks of a `Document`, `documents.show_plot(plot)` a `Plot`.
+- On a telephone a page has at most 1500 px: `layout.part(title)` is for what is not its first answer.
 - After a change that other parts of a page depend on, use `ui.refreshable`. Nothing is kept in a page only.
 """

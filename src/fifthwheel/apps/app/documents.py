@@ -1,6 +1,7 @@
 """What the pages show of results: documents, plots, and the files of a result with its report."""
 
 import re
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
@@ -20,6 +21,8 @@ from fifthwheel.estimate.identify.knowledge.storage import IDENTIFICATION
 from fifthwheel.results.report import comparison_page
 
 Window = tuple[float, float]
+LONG = 12
+"""Rows of a table of which a narrow screen shows only the first."""
 _UNUSED_BUTTONS = ["zoom2d", "select2d", "lasso2d", "toImage"]
 _CLEAR = "rgba(0,0,0,0)"
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _UNUSED_BUTTONS}
@@ -37,30 +40,43 @@ _TITLE = re.compile("<title>[^<]*</title>")
 
 
 def show(*blocks: pages.Block) -> None:
-    """Show blocks of a document in the page; a wide table scrolls."""
-    for block in blocks:
-        match block:
-            case pages.Headline():
-                ui.label(block.text).classes("text-weight-bold").props("role=status")
-                for column in block.columns:
-                    show(*column)
-            case pages.Heading():
-                layout.heading(block.title)
-            case pages.Items():
-                if block.lines and block.title:
-                    layout.heading(block.title)
-                if block.lines:
-                    ui.html(_rendered(pages.Items(block.lines)), sanitize=False).classes("fw-list")
-            case pages.Folded():
-                with ui.expansion(block.summary).classes("w-full"):
+    """Show blocks of a document in the page; a narrow screen folds the parts that follow the first table."""
+    folds = False
+    with ExitStack() as part:
+
+        def begin(title: str) -> None:
+            part.close()
+            if folds:
+                part.enter_context(layout.part(title))
+            else:
+                layout.heading(title)
+
+        for block in blocks:
+            match block:
+                case pages.Headline():
+                    ui.label(block.text).classes("text-weight-bold").props("role=status")
+                    for column in block.columns:
+                        show(*column)
+                case pages.Heading():
+                    begin(block.title)
+                case pages.Items():
+                    if block.lines and block.title:
+                        begin(f"{block.title} ({len(block.lines)})")
+                    if block.lines:
+                        ui.html(_rendered(pages.Items(block.lines)), sanitize=False).classes("fw-list")
+                case pages.Folded():
+                    with ui.expansion(block.summary).classes("w-full"):
+                        show(*block.blocks)
+                case pages.Beside():
                     show(*block.blocks)
-            case pages.Beside():
-                show(*block.blocks)
-            case pages.Plots():
-                for each in block.plots:
-                    show_plot(each.plot)
-            case _:
-                ui.html(_rendered(block), sanitize=False).classes("fw-scroll fw-table")
+                case pages.Plots():
+                    for each in block.plots:
+                        show_plot(each.plot)
+                case _:
+                    long = isinstance(block, pages.Table) and len(block.rows) > LONG and block.label
+                    with layout.part(long, begins=True) if long else nullcontext():
+                        ui.html(_rendered(block), sanitize=False).classes("fw-scroll fw-table")
+            folds = folds or isinstance(block, pages.Table)
 
 
 def _rendered(block: pages.Block) -> str:

@@ -137,6 +137,44 @@ def heading(text: str) -> None:
         ui.label(printable(text))
 
 
+@contextmanager
+def part(title: str, *, begins: bool = False) -> Iterator[None]:
+    """A part of a page below its heading; a narrow screen folds it, or shows how it `begins`; paper has all of it."""
+    with ui.element("section").classes("fw-part w-full") as section:
+        section.props["aria-label"] = printable(title)
+        with ui.row().classes("items-center"):
+            heading(title)
+            more_button(section, f"More of {title}")
+        with ui.element("div").classes(f"w-full {'fw-begun' if begins else 'fw-folded'}"):
+            yield
+
+
+def more_button(section: ui.element, label: str) -> None:
+    """A button that unfolds a part on a narrow screen, and folds it again."""
+
+    def turn() -> None:
+        section.classes(toggle="fw-unfolded")
+        button.props["aria-expanded"] = str("fw-unfolded" in section.classes).lower()
+
+    button = ui.button("More", on_click=turn).props("flat dense no-caps aria-expanded=false").classes("fw-more")
+    button.props["aria-label"] = printable(label)
+
+
+def working_button(text: str, action: Callable[[], Awaitable[object]]) -> ui.button:
+    """A button that shows that its action is not done yet."""
+
+    async def act() -> None:
+        button.props("loading")
+        try:
+            await action()
+        finally:
+            if not button.is_deleted:
+                button.props(remove="loading")
+
+    button = ui.button(text, on_click=act)
+    return button
+
+
 def plain(text: str) -> str:
     """A text from a file for a plot, where plotly reads markup."""
     return printable(text).replace("<", "&lt;")

@@ -1,6 +1,7 @@
 """fifthwheel compare, assess, verify, evaluate and validate"""
 
 import sys
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +13,8 @@ from fifthwheel.apps.cli.app import command, quantity_option
 from fifthwheel.base.atomic import one_run, reserved, result_folder
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from fifthwheel.data.record import Record
     from fifthwheel.results.evaluate import Evaluation, Validation
     from fifthwheel.truck import Vehicle
@@ -119,17 +122,17 @@ def assess(
         path: read_quantity(text, unit_of(path), f"--set {path}")
         for path, text in named_texts("--set", changes or (), f"PATH=VALUE, such as {example}").items()
     }
-    assessment = run_assessment(
-        subject,
-        speed=quantity_option("--speed", speed, "m/s", "km/h"),
-        body=dict(named_texts("--body", body or (), "NAME=VALUE, such as half_track=0.93m")),
-        changes={path: value for path, (value, _) in changed.items()},
-        sigmas={path: sigma for path, (_, sigma) in changed.items() if sigma},
-        nonlinear=not linear,
-    )
     files: dict[str, Path] = {}
-    if out is not None:
-        with result_folder(out, "assess", ASSESSMENT_FILES, inputs=[source], force=force) as folder:
+    with _folder(out, "assess", ASSESSMENT_FILES, [source], force=force) as folder:
+        assessment = run_assessment(
+            subject,
+            speed=quantity_option("--speed", speed, "m/s", "km/h"),
+            body=dict(named_texts("--body", body or (), "NAME=VALUE, such as half_track=0.93m")),
+            changes={path: value for path, (value, _) in changed.items()},
+            sigmas={path: sigma for path, (_, sigma) in changed.items() if sigma},
+            nonlinear=not linear,
+        )
+        if out is not None and folder is not None:
             provenance = gather_provenance([source], {}, sys.argv[1:])
             written = write_assessment(
                 assessment,
@@ -228,12 +231,12 @@ def evaluate(
 
     common.require_figures(figures, out)
     truck = read_vehicle(vehicle) if vehicle else None
-    (record,) = common.load_records([log], signals, allow_outside=allow_outside)
-    evaluation = run_evaluation(record, test, vehicle=truck, check=check)
-    written = _written(
-        "evaluate", evaluation, out, EVALUATION_FILES, [log], vehicle, [signals], figures=figures, force=force
-    )
-    common.print_result(evaluation.as_dict(), partial(evaluation_document, evaluation), written, as_json=as_json)
+    inputs = _inputs([log], vehicle, [signals])
+    with _folder(out, "evaluate", EVALUATION_FILES, inputs, force=force) as folder:
+        (record,) = common.load_records([log], signals, allow_outside=allow_outside)
+        evaluation = run_evaluation(record, test, vehicle=truck, check=check)
+        files = _written(evaluation, out, folder, [log], vehicle, [signals], figures=figures)
+    common.print_result(evaluation.as_dict(), partial(evaluation_document, evaluation), files, as_json=as_json)
 
 
 @command(
@@ -292,19 +295,18 @@ def validate(
     truck = read_vehicle(vehicle) if vehicle else None
     if _is_model(log):
         raise FifthwheelError(f"{log}: expected a log; give the model first: fifthwheel validate {log} {results}")
-    (measured,) = common.load_records([log], signals, allow_outside=allow_outside)
-    if _is_model(results):
-        if results_signals:
-            raise FifthwheelError("--results-signals: a map of a file of results; omit it for an FMU or plant")
-        simulated = _driven(results, truck, measured)
-    else:
-        (simulated,) = common.load_records([results], results_signals, allow_outside=allow_outside)
-    validation = run_validation(simulated, measured, test, tolerances=stated, vehicle=truck)
-    maps = [signals, results_signals]
-    written = _written(
-        "validate", validation, out, VALIDATION_FILES, [results, log], vehicle, maps, figures=figures, force=force
-    )
-    common.print_result(validation.as_dict(), partial(validation_document, validation), written, as_json=as_json)
+    if results_signals and _is_model(results):
+        raise FifthwheelError("--results-signals: a map of a file of results; omit it for an FMU or plant")
+    read, maps = [results, log], [signals, results_signals]
+    with _folder(out, "validate", VALIDATION_FILES, _inputs(read, vehicle, maps), force=force) as folder:
+        (measured,) = common.load_records([log], signals, allow_outside=allow_outside)
+        if _is_model(results):
+            simulated = _driven(results, truck, measured)
+        else:
+            (simulated,) = common.load_records([results], results_signals, allow_outside=allow_outside)
+        validation = run_validation(simulated, measured, test, tolerances=stated, vehicle=truck)
+        files = _written(validation, out, folder, read, vehicle, maps, figures=figures)
+    common.print_result(validation.as_dict(), partial(validation_document, validation), files, as_json=as_json)
 
 
 def _is_model(path: Path) -> bool:
@@ -324,28 +326,38 @@ def _driven(model: Path, truck: "Vehicle | None", log: "Record") -> "Record":
     return plant_results(truck, log)
 
 
+def _folder(
+    out: Path | None, command: str, names: tuple[str, ...], inputs: list[Path], *, force: bool
+) -> "AbstractContextManager[Path | None]":
+    """The folder of a result that is written in the block, so that it is refused before a computation; None without."""
+    return nullcontext() if out is None else result_folder(out, command, names, inputs=inputs, force=force)
+
+
+def _inputs(logs: list[Path], vehicle: str | None, maps: list[Path | None]) -> list[Path]:
+    from fifthwheel.apps.workflow.inputs import vehicle_file
+
+    file = vehicle_file(vehicle) if vehicle else None
+    return [*logs, *(Path(path) for path in (file, *maps) if path)]
+
+
 def _written(
-    command: str,
     evaluation: "Evaluation | Validation",
     out: Path | None,
-    names: tuple[str, ...],
+    folder: Path | None,
     logs: list[Path],
     vehicle: str | None,
     maps: list[Path | None],
     *,
     figures: str | None,
-    force: bool,
 ) -> dict[str, Path]:
     """Write the files of a result to its folder, if there is one."""
     from fifthwheel.apps.workflow.inputs import vehicle_file
     from fifthwheel.apps.workflow.results import write_evaluation
     from fifthwheel.results.report import gather_provenance, provenance_of_run
 
-    if out is None:
+    if out is None or folder is None:
         return {}
     file = vehicle_file(vehicle) if vehicle else None
-    inputs = [*logs, *(Path(path) for path in (file, *maps) if path)]
-    with result_folder(out, command, names, inputs=inputs, force=force) as folder:
-        origin = provenance_of_run(logs, file, *maps, command=sys.argv[1:]) if file else None
-        origin = origin or gather_provenance(inputs, {}, sys.argv[1:])
-        return common.in_folder(out, write_evaluation(evaluation, folder, provenance=origin, figures=figures))
+    origin = provenance_of_run(logs, file, *maps, command=sys.argv[1:]) if file else None
+    origin = origin or gather_provenance(_inputs(logs, vehicle, maps), {}, sys.argv[1:])
+    return common.in_folder(out, write_evaluation(evaluation, folder, provenance=origin, figures=figures))

@@ -185,8 +185,9 @@ def prose(content: str) -> str:
     return _OPTION.sub(r'<span class="option">\g<0></span>', html)
 
 
-def course(time: Array, values: Array) -> pages.Markup:
-    """A line as small as a word: values (n,) over time (n,) as SVG that fills its height, interrupted at gaps."""
+def course(time: Array, values: Array, visible: tuple[float, float] | None = None) -> pages.Markup:
+    """A line as small as a word: values (n,) over time (n,) as SVG, interrupted at gaps, in a range or that of all."""
+    values = values if visible is None else np.clip(values, *visible)
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     x = (time - time[0]) / (time[-1] - time[0] or 1.0) * (COURSE_WIDTH - 2) + 1

@@ -282,6 +282,20 @@ def visible_range(*values: ArrayLike) -> tuple[float, float]:
     return low - margin, high + margin
 
 
+def range_without_spikes(values: Array) -> tuple[float, float] | None:
+    """The range of an axis that leaves out what lasts one or two samples; None if that changes little.
+
+    A value that is repeated counts once, because slow channels repeat theirs.
+    """
+    values = values[np.isfinite(values)]
+    values = values[np.diff(values, prepend=np.nan) != 0]
+    if values.size < 5:
+        return None
+    a, b, c = values[:-4], values[2:-2], values[4:]
+    median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    return visible_range(median) if np.ptp(values) > 2 * np.ptp(median) > 0 else None
+
+
 def trimmed(values: Array, fraction: float) -> Array:
     """Lowest and highest of the finite values without this fraction at either end; empty without finite values."""
     finite = values[np.isfinite(values)]

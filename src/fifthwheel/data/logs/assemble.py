@@ -215,14 +215,16 @@ class _Use:
         """Add what one more signal needs."""
         self.missing = self.missing if channel.missing is None else channel.missing
         self.of_speed |= signal == SPEED.quantity
-        if channel.si(signal) == "rad" and channel.points is None:
-            self.turn = _full_turn(channel.unit or log_unit)
+        self.turn = full_turn(signal, channel, log_unit) or self.turn
 
 
-def _full_turn(unit: str | None) -> float:
-    """A full turn in a unit; in degrees for a column without one, because none in rad is as large by mistake."""
+def full_turn(signal: str, channel: SignalSource, log_unit: str | None) -> float | None:
+    """A full turn in the unit of a column, if it is an angle; in degrees for a column without a unit, because none in
+    rad is as large by mistake."""
+    if channel.si(signal) != "rad" or channel.points is not None:
+        return None
     try:
-        return 2 * np.pi / factor(unit or "deg", "rad")
+        return 2 * np.pi / factor(channel.unit or log_unit or "deg", "rad")
     except UnitError:
         return np.inf
 

@@ -10,10 +10,11 @@ from fifthwheel.base.arguments import expect, expect_names
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import factor, quantity
 from fifthwheel.data.channels import is_input, split_header
-from fifthwheel.data.logs.assemble import SAME_INSTANT, interpolated
+from fifthwheel.data.logs.assemble import SAME_INSTANT, full_turn, interpolated
 from fifthwheel.data.logs.row_time import time_column
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.data.logs.source import Column, find_column
+from fifthwheel.data.record.full_turns import Unwrapped
 
 _SOURCE = "live samples"
 _MEMORY = 2.0
@@ -24,8 +25,9 @@ class LiveMap:
     """Applies a signal map to live samples: units, signs, gains, offsets and delays as for a file.
 
     A delayed signal belongs to an earlier instant. A sample is therefore returned when all its signals are there, and
-    later by the largest delay of the map. As in a file, a measurement stays at its instant, and an input (speed, steer)
-    is interpolated at the instants of the others. Nothing is decimated.
+    later by the largest delay of the map. As in a file, a measurement stays at its instant, an input (speed, steer) is
+    interpolated at the instants of the others, and an angle that jumps by a full turn is made continuous. Nothing is
+    decimated.
 
     Args:
         signal_map: the map.
@@ -57,6 +59,7 @@ class LiveMap:
         expect_names("columns", columns)
         self._keys = {split_header(key)[0]: key for key in columns}
         found = self._columns = {n: Column(name=n, unit=split_header(key)[1]) for n, key in self._keys.items()}
+        self._angles: dict[str, Unwrapped] = {}
         self._channels: dict[str, tuple[SignalSource, list[str]]] = {}
         for signal, channel in signal_map.completed(self._keys).signals.items():
             if channel.time is not None:
@@ -65,6 +68,9 @@ class LiveMap:
                 raise SignalError(f"{signal}: live samples have no derivative; send the rate, and delete `derivative`")
             names = [find_column(text, found, _SOURCE) for text in channel.columns]
             self._channels[signal] = (channel, names)
+            for name in names:
+                if turn := full_turn(signal, channel, found[name].unit):
+                    self._angles[self._keys[name]] = Unwrapped(turn)
         given = signal_map.time.column
         time = find_column(given, found, _SOURCE) if given else time_column(found)
         if time is None:
@@ -108,7 +114,9 @@ class LiveMap:
             raise SignalError(
                 f"{self._time}: expected a time after {self._last:g} s, got {cell}; push samples in order"
             )
-        signals = self.convert(sample)
+        angles = {key: cell for key in self._angles if (cell := sample.get(key)) is not None}
+        continuous = {key: self._angles[key].push_live(time, cell) for key, cell in angles.items()}
+        signals = self.convert({**sample, **continuous})
         self._last = time
         self._at(time)
         for signal, value in signals.items():

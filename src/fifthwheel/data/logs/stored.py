@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.plots import downsample
-from fifthwheel.base.plots.items import visible_range
+from fifthwheel.base.plots.items import range_without_spikes
 from fifthwheel.base.types import Array
 from fifthwheel.data.logs.row_time import RowTime, find_row_time
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
@@ -135,19 +135,9 @@ class StoredLog(LogSource):
         return downsample.course(time, np.column_stack([low, high]).ravel(), points, gaps=False)
 
     def range_without_spikes(self, name: str, start: float, stop: float) -> tuple[float, float] | None:
-        """The range of an axis for a window that leaves out what lasts one or two values; None if that changes little.
-
-        A value that is repeated counts once, because slow channels repeat theirs.
-        """
+        """The range of an axis for a window, as of `plots.items.range_without_spikes`."""
         axis = self.axis(self.columns[name].clock)
-        values = self._values(name)[slice(*np.searchsorted(axis, [start, stop]))]
-        values = values[np.isfinite(values)]
-        values = values[np.diff(values, prepend=np.nan) != 0]
-        if values.size < 5:
-            return None
-        a, b, c = values[:-4], values[2:-2], values[4:]
-        median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-        return visible_range(median) if np.ptp(values) > 2 * np.ptp(median) > 0 else None
+        return range_without_spikes(self._values(name)[slice(*np.searchsorted(axis, [start, stop]))])
 
     def most_active(self, name: str, length: float) -> tuple[float, float]:
         """The window of a length, s, in which the extremes of a column are farthest apart on average."""

@@ -22,6 +22,7 @@ class Unwrapped:
         """Their number so far."""
         self._low, self._high = np.inf, -np.inf
         self._last, self._turns = np.empty((2, 0)), 0.0
+        self._centre = 0.0
 
     def push(self, time: Array, values: Array) -> Array:
         """The next samples (n,), continuous; those that a logger has interpolated between 360 and 0 are NaN."""
@@ -49,6 +50,14 @@ class Unwrapped:
         if self.jumps:
             result[usable] = (raw + self.turn * turns)[before:]
         return result
+
+    def push_live(self, time: float, value: float) -> float:
+        """The next sample, continuous but for the first jump: only this shows that the column wraps, and is near 0."""
+        before = self.jumps
+        (result,) = self.push(np.array([time]), np.array([value]))
+        if self.jumps and not before:
+            self._centre = self.turn * np.round(result / self.turn)
+        return float(result - self._centre)
 
     def _jumps(self, change: Array) -> Array:
         fraction = np.abs(change) / self.turn

@@ -396,6 +396,7 @@ class Record(ComparedByContents):
         from fifthwheel.base import pages
         from fifthwheel.base.formatting import digits, percent, shown
         from fifthwheel.base.pages.html import course, notebook
+        from fifthwheel.base.plots.items import range_without_spikes
 
         rows = []
         for name, values in self._channels().items():
@@ -406,7 +407,9 @@ class Record(ComparedByContents):
             ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]
             low, high = (digits(float(end) * unit.factor, 3) for end in ends)
             missing = percent(fraction) if (fraction := missing_fraction(self.time, values)) else ""
-            rows.append((name, unit.name, rate, low, high, missing, course(self.time, values)))
+            rows.append(
+                (name, unit.name, rate, low, high, missing, course(self.time, values, range_without_spikes(values)))
+            )
         table = pages.Table(("Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"), rows)
         return notebook(pages.Document(self.name, [pages.Paragraph(self._extent()), table, pages.Items(self.notes)]))
 

@@ -197,7 +197,8 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     """The prediction of every channel that the vehicle has, for each variant of the vehicle that is stable.
 
     The cornering stiffness of a given vehicle varies by 30 %; by default, stiffness and length of a tractor and
-    semitrailer vary over the range of usual ones. None where the record has no speed or steer angle that can be used,
+    semitrailer vary over the range of usual ones; of a log with signals of other units, only those of the tractor are
+    predicted. None where the record has no speed or steer angle that can be used,
     no such channel, or almost only gaps.
     """
     if vehicle is None:
@@ -207,6 +208,9 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
         variants = [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
     names = tuple(name for name in record.signals if name in measured_names)
+    units = {unit.name for unit in variants[0].units}
+    if vehicle is None and not {SignalName.of(n).unit for n in record.signals if is_of(n, *MEASURED)} <= units:
+        names = tuple(name for name in names if SignalName.of(name).unit == variants[0].units[0].name)
     try:
         segments = segments_above(record, MIN_SPEED)
         variants = [variant.with_logged_steering(record.signals, record.name) for variant in variants]

@@ -22,7 +22,7 @@ from fifthwheel.base.formatting import approximate, enumerated, percent, with_si
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.plots import Plot
 from fifthwheel.base.types import Array
-from fifthwheel.data.channels import ARTICULATION, ROLL, YAW_RATE, names_of
+from fifthwheel.data.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE, SignalName, is_of, names_of
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.data.record import Record
@@ -206,6 +206,9 @@ def validate(
     stated = dict(tolerances or {})
     if vehicle is not None:
         vehicle = vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
+    expect("results", results, Record)
+    expect("log", log, Record)
+    results, log = _without_lone_roll(results, log), _without_lone_roll(log, results)
     evaluated = [_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log))]
     of_results, of_log = (evaluation for evaluation, _ in evaluated)
     _require_signs(results, log)
@@ -223,9 +226,20 @@ def validate(
     return Validation(results=of_results, log=of_log, measures=measures, curves=curves, notes=tuple(notes))
 
 
+def _without_lone_roll(record: Record, other: Record) -> Record:
+    """Without the roll angles that the other record lacks: g times them stays in the lateral accelerations of both."""
+    own, others = ({**each.signals, **each.reference} for each in (record, other))
+    units = [SignalName.of(name).unit for name in own if is_of(name, LATERAL_ACCELERATION) and name in others]
+    lone = {f"{ROLL.quantity}.{unit}" for unit in units} - others.keys()
+
+    def rest(signals: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: values for name, values in signals.items() if name not in lone}
+
+    return replace(record, signals=rest(record.signals), reference=rest(record.reference)) if lone else record
+
+
 def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> tuple[Evaluation, frozenset[str]]:
     """The evaluation of a record, without faults of its signal map, and its reference signals."""
-    expect(role, record, Record)
     try:
         return with_references(record, test, vehicle, refused=WRONG)
     except SignalError as error:

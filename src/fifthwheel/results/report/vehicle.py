@@ -37,6 +37,11 @@ PARTS_OF_MASS = {
     "weights": "scales on board",
     "vehicle_file": "positions and unladen masses in the file",
 }
+COMBINED = (
+    "These estimates combine the linearised information of each log; a report has the joint fit of its logs. The two "
+    "differ by a fraction of sigma, by more only where logs are doubtful or something changed between them."
+)
+"""On the estimates of a history."""
 LEAST_SPAN = 600e3
 """Of the axis of dates, ms, so that its ticks are whole minutes."""
 
@@ -181,6 +186,7 @@ def truck_history_document(knowledge: Knowledge) -> pages.Document:
     blocks: list[pages.Block] = [
         _headline(entries),
         _estimates([each.last for each in histories], "Estimated parameters"),
+        pages.Hint(COMBINED),
         *_plots(histories),
         pages.Heading("Logs"),
         _logs(entries),

@@ -121,6 +121,11 @@ def test_with_payload_keeps_the_unladen_vehicle():
     for name, value in before.items():
         assert back[name] == pytest.approx(value, rel=1e-9), name
     assert half.stated["semitrailer.cog"] > 0.15
+    double = fw.vehicle("b_double")
+    lighter = fw.with_payload(double, 5e3, unit="lead")
+    assert [b.mass - a.mass for a, b in zip(lighter.units, double.units, strict=True)] == [0, 8e3, 0]
+    with pytest.raises(VehicleError, match="expected one unit with a payload, got 2"):
+        fw.with_payload(double, 5e3)
     with pytest.raises(VehicleError, match="expected one unit with a payload, got 0"):
         fw.with_payload(fw.with_payload(TRUCK, 0.0), 5e3)
     for mass in (-1.0, np.nan, np.inf):

@@ -58,19 +58,16 @@ def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> N
             ui.link(f"Save as {kind.upper()}", address)
         for name in chosen:
             ui.link(f"vehicle.toml of {name}", documents.file_address(name, "vehicle.toml"))
-    layout.heading("Estimates ± 1 sigma")
-    with ui.element("div").classes("fw-grid"):
+    with layout.part("Estimates ± 1 sigma"), ui.element("div").classes("fw-grid"):
         for parameter, plot in found.plots().items():
             with ui.element("div"):
                 documents.show_plot(plot, height=90 + 34 * len(chosen), label=f"Estimates of {parameter}")
-    _overlay(workspace, chosen)
+    if used := runs.used_logs(workspace):
+        with layout.part("Measured and predicted, with linear tyres"):
+            _overlay(workspace, chosen, used)
 
 
-def _overlay(workspace: Workspace, chosen: list[str]) -> None:
-    used = runs.used_logs(workspace)
-    if not used:
-        return
-    layout.heading("Measured and predicted, with linear tyres")
+def _overlay(workspace: Workspace, chosen: list[str], used: list[str]) -> None:
     drawn: Plot | None = None
     part = ""
 

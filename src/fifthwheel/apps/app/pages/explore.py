@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
+from weakref import WeakSet
 
 from nicegui import events, ui
 
@@ -33,6 +34,8 @@ from fifthwheel.truck.spoken_names import named_unit, spoken
 KINDS = ("step response", "Bode diagram", "handling diagram")
 FACTOR = 2.0
 """A slider reaches from the number of the vehicle file by this factor in both directions."""
+FIRST = 8
+"""Sliders that a narrow screen does not fold."""
 STEPS = 40
 """Of a slider in each direction."""
 SPEEDS = (20.0, 120.0)
@@ -41,8 +44,17 @@ REST = 0.4
 """s without a movement, after which the sliders are kept."""
 
 
+_pages: WeakSet["_Page"] = WeakSet()
+"""Of all tabs."""
+
+
 def build(workspace: Workspace) -> None:
-    _Page(workspace, runs.vehicle(workspace), runs.used_logs(workspace)).build()
+    for page in list(_pages):
+        if page.workspace.folder == workspace.folder and not page.workspace.stale and page.keep_what_moved():
+            workspace.seen = page.workspace.seen
+    page = _Page(workspace, runs.vehicle(workspace), runs.used_logs(workspace))
+    _pages.add(page)
+    page.build()
 
 
 class _Page:
@@ -67,36 +79,37 @@ class _Page:
     def build(self) -> None:
         ui.timer(REST, self._keep_what_rests)
         with ui.element("div").classes("fw-columns"):
-            with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
-                self._sliders()
             with ui.element("div"):
                 with ui.element("section").props('aria-label="Predicted against measured"'):
                     layout.heading("Predicted against measured")
                     self._fit_part()
-                with ui.element("section").props('aria-label="Linear model"'):
-                    layout.heading("Linear model")
+                with layout.part("Linear model"):
                     self._model_part()
+            with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
+                self._sliders()
 
     # Sliders
 
     @ui.refreshable_method
     def _sliders(self) -> None:
         layout.heading("Numbers of the truck")
-        ui.label("Grey: measured. Blue and dashed: the vehicle file. Orange: with the sliders.")
         with ui.row():
             ui.button("Back to the vehicle file", on_click=self._reset).props("outline dense no-caps")
             take = ui.button("Write to vehicle.toml", on_click=self._take).props("outline dense no-caps")
             take.tooltip("The numbers of the sliders replace those of the file; this can be undone")
         first = estimated_parameters(self.truck, OneStage())
-        for path in first:
+        for path in first[:FIRST]:
             self._slider(path)
         others = [path for path, value in self.truck.parameters().items() if value and path not in first]
-        for unit in dict.fromkeys(path.partition(".")[0] for path in others):
-            changed = any(path in self.values for path in others if path.partition(".")[0] == unit)
-            with ui.expansion(f"More of the {named_unit(unit)}", value=changed).classes("w-full"):
-                for path in others:
-                    if path.partition(".")[0] == unit:
-                        self._slider(path)
+        with layout.part("Other numbers"):
+            for path in first[FIRST:]:
+                self._slider(path)
+            for unit in dict.fromkeys(path.partition(".")[0] for path in others):
+                changed = any(path in self.values for path in others if path.partition(".")[0] == unit)
+                with ui.expansion(named_unit(unit), value=changed).classes("w-full"):
+                    for path in others:
+                        if path.partition(".")[0] == unit:
+                            self._slider(path)
 
     def _slider(self, path: str) -> None:
         given = self.truck.parameters()[path]
@@ -127,8 +140,14 @@ class _Page:
     def _keep_what_rests(self) -> None:
         """Keep the sliders when they have not moved for a while, as one change."""
         if self._moved is not None and time.monotonic() - self._moved > REST:
-            self._moved = None
+            self.keep_what_moved()
+
+    def keep_what_moved(self) -> bool:
+        """Keep the sliders if they have moved since; so they are kept too when the tab is reloaded."""
+        moved, self._moved = self._moved is not None, None
+        if moved:
             self._keep()
+        return moved
 
     def _keep(self) -> None:
         shown = {"values": self.values, "log": self.log, "speed": self.speed, "kind": self.kind}
@@ -199,8 +218,10 @@ class _Page:
             if given:
                 plot, height = fit_plot(given, given), 150 * len(given) + 90
                 label = "Measured and predicted signals"
-                self._fit_plot = documents.show_plot(plot, height=height, label=label, log=self.log)
                 self._fit_rows = ui.column().classes("w-full")
+                with layout.part("Signals"):
+                    ui.label("Grey: measured. Blue and dashed: the vehicle file. Orange: with the sliders.")
+                    self._fit_plot = documents.show_plot(plot, height=height, label=label, log=self.log)
             else:
                 ui.label(layout.NO_SIGNAL).props("role=status")
         await self._update()

@@ -363,7 +363,8 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
-    documents.show_report(chosen)
+    with layout.part("Report", begins=True):
+        documents.show_report(chosen)
     with ui.row().classes("items-center"):
         ui.link("Open in a new tab", documents.file_address(chosen, "report.html"), new_tab=True)
         for file in documents.DATA:

@@ -1,6 +1,7 @@
 """The logs of the workspace: what they contain, plots of their channels, and windows that are left out."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -21,12 +22,16 @@ from fifthwheel.results.report.logs import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""
+FEW = 3
+"""Above this number of logs, a narrow screen folds their list."""
 SEARCHED = 8
 """Above this number of channels there is a search."""
 FIRST = 4
 """Channels that are drawn at first."""
 MOST = 12
 """Channels that are drawn at the same time."""
+MANY = 1_000_000
+"""Samples of a channel whose small plot shows its spikes, because to find them takes longer than to show the page."""
 _INSTANT = ".3f"
 """Form of an instant in a field, s."""
 _PANEL = 130
@@ -104,7 +109,8 @@ class _Page:
         _read_next(self.workspace, logs)
         self._leave_out_unreadable(logs)
         chosen = self._chosen()
-        with ui.element("div").classes("fw-scroll fw-logs"), ui.element("table").props('aria-label="Logs"'):
+        place = layout.part("Logs", begins=True) if len(logs) > FEW else nullcontext()
+        with place, ui.element("div").classes("fw-scroll fw-logs"), ui.element("table").props('aria-label="Logs"'):
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:
@@ -398,10 +404,6 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
         first += step
         rows.refresh()
 
-    layout.heading("Channels")
-    if len(survey.contents) > SEARCHED:
-        layout.search("Find a channel", search)
-
     @ui.refreshable
     def rows() -> None:
         names = [name for name in survey.contents if text in name.lower()]
@@ -422,7 +424,10 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
                 more = ui.button("More", on_click=lambda: turn(ROWS)).props("flat dense no-caps")
                 more.set_enabled(first + ROWS < len(names))
 
-    rows()
+    with layout.part("Channels"):
+        if len(survey.contents) > SEARCHED:
+            layout.search("Find a channel", search)
+        rows()
 
 
 def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: Callable[..., object]) -> None:
@@ -437,5 +442,6 @@ def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: 
                 ui.label(printable(cell))
         with ui.element("td"):
             if present:
-                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS))
+                visible = log.range_without_spikes(name, *log.span()) if content.samples < MANY else None
+                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS), visible)
                 ui.html(drawn, sanitize=False).props('aria-hidden="true"')

@@ -12,7 +12,7 @@ from fifthwheel.apps.workflow.inputs import steered_axle
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
-from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION, range_without_spikes, visible_range
 from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.data.channels.sensors import fitting_classes
 from fifthwheel.data.checks import Fault, Finding
@@ -70,7 +70,7 @@ class _Page:
             f"The grey band is the range of {truck}. Every change is written to signals.toml."
         )
         with ui.row().classes("items-center"):
-            button = ui.button("Propose a map", on_click=self.propose).props("outline dense no-caps")
+            button = layout.working_button("Propose a map", self.propose).props("outline dense no-caps")
             button.tooltip("By names, units and samples; replaces signals.toml, and can be undone")
             ui.button("Save as file", on_click=self._save).props("outline dense no-caps")
             self._busy = ui.spinner(size="1.5em").props('role=status aria-label="Computing"')
@@ -200,14 +200,13 @@ class _Page:
             ui.label(f"For comparison only: {', '.join(signal_map.reference)}")
 
     def _row(self, signal: str, channel: SignalSource) -> None:
-        with ui.element("section").classes("fw-signal w-full") as section:
+        with ui.element("section").classes("fw-part w-full") as section:
             section.props["aria-label"] = signal
             section.visible = layout.contains(signal, self._found)
             self._sections[signal] = section
             with ui.row().classes("items-center"):
                 layout.heading(signal)
-                more = ui.button("More", on_click=partial(_unfold, section)).props("flat dense no-caps")
-                more.classes("fw-more").props["aria-label"] = f"Plot and keys of {signal}"
+                layout.more_button(section, f"Plot and keys of {signal}")
             with ui.row().classes("items-start w-full fw-folded"):
                 fields: dict[str, Any] = {}
                 if channel.column is not None:
@@ -338,7 +337,7 @@ class _Page:
                         together = dict.fromkeys([*finding.others, *self._late_with(self.evidence, signal)])
                         finding = replace(finding, others=tuple(name for name in together if name != signal))
                     if finding.remedy:
-                        button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
+                        button = layout.working_button("Mend", partial(self.mend, finding)).props("dense no-caps")
                         button.props["aria-label"] = f"Mend {signal}"
         channel = self.evidence.channels.get(signal)
         mapped = self.workspace.signal_map().signals.get(signal)
@@ -348,7 +347,7 @@ class _Page:
         with ui.row().classes("items-center").props("aria-live=polite"):
             ui.label(_words(channel))
             if channel.is_inverted:
-                button = ui.button("Invert", on_click=partial(self.set_and_show, signal, sign=-mapped.sign))
+                button = layout.working_button("Invert", partial(self.set_and_show, signal, sign=-mapped.sign))
                 button.props("outline dense no-caps").props["aria-label"] = f"Invert {signal}"
             late = self._late_with(self.evidence, signal)
             known = any("delay" in f.remedy and {f.signal, *f.others} & late.keys() for f in self.evidence.findings)
@@ -357,7 +356,7 @@ class _Page:
                 mean = sum(w * o.offset for w, o in zip(weights, late.values(), strict=True)) / sum(weights)
                 found = warning(signal, Fault.TIME_OFFSET, "late", remedy={"delay": mean}, sigma=sum(weights) ** -0.5)
                 mend = partial(self.mend, replace(found, others=tuple(late)[1:]))
-                button = ui.button(f"Correct by {mean:.2f} s", on_click=mend).props("outline dense no-caps")
+                button = layout.working_button(f"Correct by {mean:.2f} s", mend).props("outline dense no-caps")
                 label = f"Correct the delay of {' and '.join(late)} by {mean:.2f} s"
                 button.tooltip(label).props["aria-label"] = label
 
@@ -379,12 +378,6 @@ class _Page:
         text = self.workspace.read(SIGNALS)
         if text is not None:
             ui.download.content(text, SIGNALS)
-
-
-def _unfold(section: ui.element) -> None:
-    """Show or hide plot and keys of a signal on a narrow screen."""
-    section.classes(toggle="fw-unfolded")
-    ui.run_javascript("dispatchEvent(new Event('resize'))")  # of the plot
 
 
 def _remedy(finding: Finding, channel: Any) -> dict[str, Any]:
@@ -435,14 +428,19 @@ def _words(channel: ChannelEvidence) -> str:
 
 def _plot(evidence: SignalEvidence | None, signal: str) -> Plot:
     items: list[Item] = []
+    visible: tuple[float, float] | None = None
     if evidence is not None and signal in evidence.others:
         time, values = evidence.others[signal]
+        visible = range_without_spikes(values)
         items = [Line(time, values, name="measured", colour=BLUE, gaps=False)]
     elif evidence is not None and signal in evidence.channels:
         time, channel = evidence.time, evidence.channels[signal]
+        if within := range_without_spikes(channel.measured):
+            visible = visible_range(within, channel.lowest, channel.highest)
         items = [
             Band(time, channel.lowest, channel.highest, name="range of the prediction", colour=GREY),
             Line(time, channel.measured, name="measured", colour=BLUE),
             Line(time, channel.predicted, name="predicted", colour=VERMILLION, width=1.5),
         ]
-    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=si_unit(signal) or ""))])
+    y = Axis(unit=si_unit(signal) or "", range=visible)
+    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=y)])

@@ -12,11 +12,13 @@ from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.apps.workflow.new_vehicle import QUESTIONS, Question, new_vehicle
 from fifthwheel.base.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.base.input_files import MAX_TOML_SIZE
+from fifthwheel.estimate.identify.knowledge.load import with_payload
 from fifthwheel.model.dynamics.summary import summarize
 from fifthwheel.results.diagnose.predictions import assumed_numbers
 from fifthwheel.results.report.vehicle import NOTHING_ASSUMED, assumed_blocks
-from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.spoken_names import named_unit
+from fifthwheel.truck import Vehicle, catalogue, unit_of
+from fifthwheel.truck.spoken_names import named_unit, spoken
+from fifthwheel.truck.toml_format import read_quantity
 from fifthwheel.truck.weighing import unusual_masses
 
 DESCRIBED = "described"
@@ -40,6 +42,9 @@ def build(workspace: Workspace) -> None:
                 _draw(current)
                 for warning in unusual_masses(current):
                     layout.failure(warning)
+                if any(unit.payload for unit in current.units):
+                    with ui.expansion("Loads").classes("w-full"):
+                        _loads(workspace, current)
                 with ui.expansion("Handling").classes("w-full"):
                     _numbers(current)
                 _assumed(current)
@@ -103,6 +108,32 @@ def _numbers(vehicle: Vehicle) -> None:
         layout.failure(str(error))
         return
     documents.show(summary.table(summary.at_speed))
+
+
+def _loads(workspace: Workspace, vehicle: Vehicle) -> None:
+    """A field for each number of the load of each unit; an answer is written to the vehicle file at once."""
+
+    def keep(path: str, field: ui.input) -> None:
+        value, sigma = read_quantity(layout.with_decimal_points(field.value or ""), unit_of(path), spoken(path))
+        unit, _, key = path.partition(".payload.")
+        changed = with_payload(vehicle, value, unit=unit) if key == "mass" else vehicle.restated({path: value})
+        changed = changed if sigma is None or path not in changed.parameters() else changed.with_stated({path: sigma})
+        workspace.write(
+            {VEHICLE: catalogue.edited(workspace.read(VEHICLE) or "", changed)}, f"{spoken(path)} {value:g}"
+        )
+        layout.reload()
+
+    for path, value in vehicle.parameters().items():
+        if ".payload." in path:
+            stated = (f"{number:.6g} {unit_of(path)}" for number in (value, vehicle.stated.get(path)) if number)
+            with ui.element("div").classes("fw-question w-full"):
+                ui.label(spoken(path))
+                field = ui.input(value=" +- ".join(stated)).classes("w-full").props("dense outlined")
+                field.props["aria-label"] = spoken(path)
+                field.on("change", partial(keep, path, field))
+    ui.label(
+        "Mass of a load: the unladen mass stays, and inertia and tyres follow. A value, with +- and its sigma if known."
+    )
 
 
 def _assumed(vehicle: Vehicle) -> None:

@@ -18,8 +18,8 @@ LOAD_POSITION = 0.5
 """Standard deviation of the distance between the CoG of a load and that of its laden unit, m."""
 
 
-def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None) -> Vehicle:
-    """The vehicle with another payload in its only unit with one.
+def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None, unit: str | None = None) -> Vehicle:
+    """The vehicle with another payload in a unit with one.
 
     The unladen masses stay. The yaw inertia follows the mass of the unit, and `OF_TYRE_LOAD` the load of the tyres,
     whether measured, stated or assumed from a class: the tyres are the same. Their standard deviations keep their
@@ -27,12 +27,13 @@ def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None) -> 
     a load whose CoG is `LOAD_POSITION` from that of the unit.
 
     Args:
-        vehicle: with a payload in one unit.
+        vehicle: with a payload.
         mass: of the other payload, kg; 0 for the unladen vehicle.
         cog: x of the CoG of the unit with it, m.
+        unit: name of the unit; needed if several have a payload.
 
     Raises:
-        VehicleError: no unit has a payload, or several.
+        VehicleError: the unit has no payload, or it is not named and not the only one with a payload.
         SignalError: the mass is negative or not finite.
 
     Example:
@@ -43,32 +44,32 @@ def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None) -> 
     """
     expect("vehicle", vehicle, Vehicle)
     expect_number("payload", mass, ge=0, unit="kg")
-    unit, before = laden_unit(vehicle)
-    cog = unit.cog if cog is None else cog
-    if (mass, cog) == (before, unit.cog):
+    laden, before = laden_unit(vehicle, unit)
+    cog = laden.cog if cog is None else cog
+    if (mass, cog) == (before, laden.cog):
         return vehicle
-    after = unit.mass - before + mass
+    after = laden.mass - before + mass
     content = vehicle.model_dump(mode="json")
-    (changed,) = [u for u in content["units"] if u["name"] == unit.name]
-    changed |= {"mass": after, "cog": cog, "yaw_inertia": unit.yaw_inertia * after / unit.mass}
+    (changed,) = [u for u in content["units"] if u["name"] == laden.name]
+    changed |= {"mass": after, "cog": cog, "yaw_inertia": laden.yaw_inertia * after / laden.mass}
     changed["payload"] = changed["payload"] | {"mass": mass} if mass else None
-    content["stated"] = _stated(vehicle, unit.name, abs(before - mass) / after, laden=mass > 0)
+    content["stated"] = _stated(vehicle, laden.name, abs(before - mass) / after, laden=mass > 0)
     other = Vehicle(**content)
     old, new, values = load_factors(vehicle), load_factors(other), vehicle.parameters()
     factors = {path: new[path] / old[path] for path in old if path in new and path in values}
     content = other.fields_with({path: values[path] * factor for path, factor in factors.items()})
-    factors[f"{unit.name}.yaw_inertia"] = after / unit.mass
+    factors[f"{laden.name}.yaw_inertia"] = after / laden.mass
     content["stated"] = {path: sigma * factors.get(path, 1.0) for path, sigma in other.stated.items()}
     return Vehicle(**content)
 
 
-def laden_unit(vehicle: Vehicle) -> tuple[Unit, float]:
-    """The only unit with a payload, and its payload, kg; a VehicleError if none has one, or several."""
-    laden = [(unit, unit.payload.mass) for unit in vehicle.units if unit.payload]
+def laden_unit(vehicle: Vehicle, name: str | None = None) -> tuple[Unit, float]:
+    """The unit of this name, by default the only one, with a payload, and its payload, kg; a VehicleError if there is
+    none, or several."""
+    laden = [(unit, unit.payload.mass) for unit in vehicle.units if unit.payload and name in (None, unit.name)]
     if len(laden) != 1:
-        raise VehicleError(
-            f"{vehicle.name}: expected one unit with a payload, got {len(laden)}; give a vehicle file of this load"
-        )
+        of_name = f"{name} with a payload" if name else "one unit with a payload"
+        raise VehicleError(f"{vehicle.name}: expected {of_name}, got {len(laden)}; give a vehicle file of this load")
     return laden[0]
 
 

@@ -8,7 +8,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.formatting import percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.items import BLUE, DARK, GREY, VERMILLION, Dash, trimmed, visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, VERMILLION, Dash, range_without_spikes, trimmed, visible_range
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import si_unit
 from fifthwheel.estimate.identify.doubts import describe_doubt
@@ -110,7 +110,10 @@ def fit_panel(fit: Fit, *predictions: Line, title: str = "") -> Panel:
     unit = shown(si_unit(fit.signal))
     measured = Line(fit.time, fit.measured * unit.factor, name="measured", colour=GREY, width=1.2, gaps=True)
     predictions = predictions or (prediction(fit, "predicted", colour=BLUE),)
-    return Panel(items=[measured, *predictions], title=title or _fit_title(fit), x=TIME, y=Axis(unit=unit.name))
+    title, visible = title or _fit_title(fit), range_without_spikes(fit.measured * unit.factor)
+    if visible is not None:
+        title, visible = f"{title} (spikes outside the axis)", visible_range(visible, *(each.y for each in predictions))
+    return Panel(items=[measured, *predictions], title=title, x=TIME, y=Axis(unit=unit.name, range=visible))
 
 
 def prediction(fit: Fit, name: str, colour: str, dash: Dash = "solid") -> Line:
