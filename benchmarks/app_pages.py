@@ -34,6 +34,13 @@ RUNS = {"first": [], "roll stiffness known": ["--set", "roll_stiffness=+- 5 %"]}
 """Options of the identifications."""
 
 
+RENAME = """([from, to]) => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = walker.nextNode()); ) node.nodeValue = node.nodeValue.replace(from, to);
+}"""
+"""The folder of the workspace as a user has it."""
+
+
 def prepare(workspace: Path) -> None:
     """Fill a workspace by the command line, which uses the same files."""
     (workspace / "logs").mkdir(parents=True)
@@ -72,6 +79,7 @@ def main() -> None:
                         page.goto(start.rstrip("/") + address(name))
                         page.locator(SHOWN).first.wait_for(state="attached", timeout=60_000)  # a narrow page folds some
                         page.wait_for_timeout(SETTLED)
+                        page.evaluate(RENAME, [folder, "~"])
                         path = OUT / f"{name}-{form}.webp"
                         save(page.screenshot(), path)
                         print(f"{path.relative_to(ROOT)}: {path.stat().st_size} bytes")
