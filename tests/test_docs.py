@@ -320,6 +320,10 @@ def test_links_lead_somewhere(path: Path) -> None:
         assert not anchor or anchor in anchors(there), target
 
 
+def test_readme_and_pages_have_at_most_40_000_words() -> None:
+    assert sum(len(path.read_text(encoding="utf-8").split()) for path in PAGES) <= 40_000
+
+
 def test_every_page_is_in_the_contents() -> None:
     for path in PAGES[1:]:
         name = path.relative_to(ROOT / "docs").as_posix()

@@ -131,6 +131,12 @@ def test_files_and_changes() -> None:
     [
         ("tractor_4x2", "tractor_4x4", r"tractor\.class: no class 'tractor_4x4'; .*tractor_4x2"),
         ("tractor_4x2", "semitrailer_3", r"tractor\.axle_group: expected 1 for the class semitrailer_3 .*, got 2;"),
+        (
+            TEXT[TEXT.index("[[unit]]") : TEXT.index('[[unit]]\nname = "semi')],
+            "",
+            r"semitrailer\.class: .* behind another",
+        ),
+        ('[[coupling]]\nleading_position = "-3.1 m"', "", r"semitrailer\.class: .* give a coupling between each two"),
         ('position = "-3.7 m"', "", r"tractor\.drive\.position: expected a value, got none; give it"),
         ('leading_position = "-3.1 m"', "", r"fifth_wheel\.leading_position: expected a value, got none; give it"),
         ('mass = "33.45 t +- 1 %"', 'mass = "5 t"', r"semitrailer\.mass: expected more than payload and axles"),

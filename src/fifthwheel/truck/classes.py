@@ -353,6 +353,11 @@ def _complete_unit(completion: _Completion, unit: Table, coupling: Table | None)
             f" ({', '.join(kind.groups)}), got {len(groups)}; put the axles of a tandem or tridem in one group, or give"
             " another class"
         )
+    if kind.coupling and coupling is None:
+        raise VehicleError(
+            f"{name}.class: {unit['vehicle_class']} is for a unit behind another one; begin with the first unit, and"
+            " give a coupling between each two"
+        )
     for group in groups:
         for axle in group["axles"] or [{}]:
             _require(axle, ("position",), f"{name}.{axle.get('name', group.get('name', 'axles'))}")
