@@ -8,10 +8,12 @@ from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.large_angles import large_angles
+from fifthwheel.model.dynamics.model import topology
 from fifthwheel.model.dynamics.tyres import AUXILIARY, LAWS, Contact, Law, saturating, saturation_parameters
 from fifthwheel.model.manoeuvres import braked, straight
 from fifthwheel.model.plant import Plant
 from fifthwheel.truck import AxleGroup, Vehicle, get
+from fifthwheel.truck.catalogue import text
 from fifthwheel.truck.quantities import (
     DRAG_AREA,
     DRIVE_AXLE_BRAKING,
@@ -282,6 +284,19 @@ def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float], rate
     loads = ca.vertcat(*[result.load_change[path] for path in vehicle.axle_loads()])
     function = ca.Function("loads", [state], [result.stages.expanded(loads)])
     return dict(zip(vehicle.axle_loads(), np.array(function(np.zeros(state.shape[0]))).ravel(), strict=True))
+
+
+@pytest.mark.parametrize("rear", [True, False])
+def test_the_loads_of_a_bus_are_those_of_statics_by_the_axle_that_drives(rear: bool) -> None:
+    """On a straight road; each has a model of its own, although the parameters have the same names."""
+    bus = Vehicle.loads(text("articulated_bus").replace("driven = true", f"driven = {str(rear).lower()}"))
+    (driven,), rate = bus.driven_groups(), 0.6
+    assert driven == ("rear" if rear else "front.middle")
+    force = {driven: rate * sum(unit.mass for unit in bus.units)}
+    expected, static = bus.axle_loads(rate / STANDARD_GRAVITY, force), bus.axle_loads()
+    for path, change in load_changes(bus, SPEED, NO_RESISTANCE, rate).items():
+        assert change == pytest.approx(expected[path] - static[path], abs=0.5), path
+    assert (topology(bus) == topology(get("articulated_bus"))) is rear
 
 
 @pytest.mark.slow

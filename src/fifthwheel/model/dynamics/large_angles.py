@@ -187,7 +187,11 @@ def _known_load_changes(
     do not brake like all, and by the drag of the air; without `_coupling_arms` times X."""
     paths = [(i, unit.group_path(group)) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups]
     lacking = sum(
-        (p[f"{path}.static_load"] / GRAVITY * speed_rate - longitudinal[path].braking for i, path in paths if i),
+        (
+            p[f"{path}.static_load"] / GRAVITY * speed_rate - longitudinal[path].braking - longitudinal[path].driving
+            for i, path in paths
+            if i
+        ),
         NO_CHANGE,
     )
     arms, air = _coupling_arms(p, vehicle), AIR_HEIGHT / _wheelbase(p, vehicle) * drag(p[DRAG_AREA], speed)

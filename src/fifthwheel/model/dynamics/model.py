@@ -246,7 +246,8 @@ def topology(vehicle: Vehicle) -> tuple[object, ...]:
     lifted = tuple(axle.lifted for unit in vehicle.units for axle in unit.axles)
     own = vehicle.steering and (vehicle.steering.trace.digest, tuple(vehicle.steering.states))
     names = tuple(vehicle.parameters()), vehicle.steer_signals()
-    return (*names, payloads, chain.relaxation_groups(vehicle), lifted, own)
+    kinds, driven = tuple(coupling.kind for coupling in vehicle.couplings), vehicle.driven_groups()[-1]
+    return (*names, payloads, kinds, driven, chain.relaxation_groups(vehicle), lifted, own)
 
 
 _models: dict[tuple[object, ...], ChainModel] = {}

@@ -347,8 +347,7 @@ def longitudinal_forces(
     """The longitudinal forces of each axle group by its path, at a speed, m/s, its derivative and the lateral
     acceleration of each unit, m/s^2, by default 0."""
     paths = vehicle.group_paths()
-    first = vehicle.units[0]
-    driven = first.group_path(first.axle_groups[-1])
+    driven = vehicle.driven_groups()[-1]
     rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}
     mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
     side = sum(
