@@ -29,7 +29,7 @@ from fifthwheel.estimate.observe.observer_step import (
     FilterStep,
     ObservedChain,
     ObserverLayout,
-    monitored_step,
+    observer_function,
 )
 from fifthwheel.model.dynamics.unit_equations import BANK
 
@@ -158,7 +158,7 @@ def unscented_step(form: Form) -> FilterFunction[ca.SX]:
 
 @cache
 def _scan(model: ObservedChain, report: ObservedChain, form: Form) -> Scan:
-    return Scan(monitored_step(model, report, unscented_step(form), ca.SX))
+    return Scan(observer_function(model, report, unscented_step(form), ca.SX))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

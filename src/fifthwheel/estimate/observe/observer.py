@@ -25,8 +25,9 @@ from fifthwheel.estimate.observe import monitor, offline
 from fifthwheel.estimate.observe.observer_model import ObserverModel, signals_with_position
 from fifthwheel.estimate.observe.observer_step import (
     ObservedChain,
-    TrackedLayout,
+    filter_step,
     observer_function,
+    output_size,
     reported_signals,
 )
 from fifthwheel.estimate.observe.settings import ObserverSettings
@@ -133,7 +134,7 @@ class Observer:
     @property
     def function(self) -> ca.Function:
         """The step as exported, see `observer_function`."""
-        return observer_function(self._model.model, self._model.report)
+        return observer_function(self._model.model, self._model.report, filter_step, ca.MX)
 
     @property
     def constant(self) -> Array:
@@ -257,7 +258,7 @@ class _ObserverFilter:
     carry = lazy(lambda self: np.zeros(self._model.scan.n_carry))
     row: Any = lazy(lambda self: np.zeros(self._model.scan.n_sample).data)
     out: Any = lazy(lambda self: np.zeros(self._model.scan.n_output).data)
-    reported: Any = lazy(lambda self: self.out[sum(TrackedLayout.of(self._model.model, self._model.report)) :])
+    reported: Any = lazy(lambda self: self.out[-output_size(self._model.model, self._model.report) :])
 
     @lazy
     def step(self) -> Callable[[], None]:

@@ -19,7 +19,7 @@ percent, and needs ten times the operations. It is the difference of two filters
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Generic, NamedTuple
 
@@ -197,7 +197,11 @@ class FilterStep(NamedTuple, Generic[Matrix]):
     considered: Matrix  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate[Matrix]]
     carry: Matrix  # of the next step, as in `ObserverLayout`
-    gains: list[Matrix]  # of each channel, (n, 1)
+    gains: Sequence[Matrix] = ()  # of each channel of an extended Kalman filter, (n, 1)
+
+
+FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
+"""(model, layout, carry, sample, constant) -> one step of a filter."""
 
 
 def filter_step(
@@ -245,22 +249,34 @@ class TrackedLayout(NamedTuple):
 @compiled(functools.partial(Scan, matrices=True))
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     """The compiled step of an observer, with the parts of `TrackedLayout` before the output of `observer_function`."""
-    return observer_function(model, report, tracked=True)
+    return observer_function(model, report, filter_step, ca.MX, tracked=True)
 
 
-def observer_function(model: ObservedChain, report: ObservedChain, *, tracked: bool = False) -> ca.Function:
-    """A filter of `model` with the outputs of `report`, their variances, and the monitor.
+def output_size(model: ObservedChain, report: ObservedChain) -> int:
+    """Number of elements of an output of `observer_function` that is not tracked."""
+    return 2 * len(report.outputs) + 3 * len(model.outputs) + 3
+
+
+def observer_function(
+    model: ObservedChain,
+    report: ObservedChain,
+    filter_step: FilterFunction[Matrix],
+    kind: type[Matrix],
+    *,
+    tracked: bool = False,
+) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor, with matrices of a type.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
     considered bank, settings of the monitor]; output = [reported, their sigmas, innovation, variance, accepted,
     settling, NIS, restart].
     """
     layout = ObserverLayout.of(model, report)
-    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=ca.MX)
-    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=ca.MX)
-    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=ca.MX)
+    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=kind)
+    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=kind)
+    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=kind)
     _, _, _, limit, c_report, sigma = split(numbers, layout.constant)
-    step = filter_step(model, layout, filtered, sample, numbers)
+    step: FilterStep[Matrix] = filter_step(model, layout, filtered, sample, numbers)
     effects = _effects(step.considered, len(model.states), sigma)
     reported, own, of_bank = kalman.report_outputs(report, step.after, step.covariance, effects, d, c_report)
     channels = kalman.channel_columns(step.channels)

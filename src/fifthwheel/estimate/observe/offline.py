@@ -15,7 +15,7 @@ from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import packed_size
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.estimate.observe.observer_model import ObserverModel
-from fifthwheel.estimate.observe.observer_step import TrackedLayout
+from fifthwheel.estimate.observe.observer_step import output_size
 from fifthwheel.estimate.observe.parameter_variance import Sensitivities, SigmaPoints, sigma_point_variance
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
@@ -171,7 +171,7 @@ def filtered_parts(
     only; rows between the last sample of a part and the restart belong to no part, because the filter may have diverged
     there.
     """
-    constant, tracked = observer.constant(), sum(TrackedLayout.of(observer.model, observer.report))
+    constant, size = observer.constant(), output_size(observer.model, observer.report)
 
     def begin(row: int, *, suspect: bool) -> tuple[Array, Sensitivities | None]:
         inputs, time = segment.inputs(row), float(segment.rows.time[row])
@@ -188,7 +188,7 @@ def filtered_parts(
         carry, filtered = observer.scan(carry, rows, constant)
         samples, indices = segment.samples_of(chunk)
         here = output.at(samples)
-        here.write(filtered[indices, tracked:])
+        here.write(filtered[indices, -size:])
         restarts = indices[filtered[indices, -1] > 0]
         within = indices[indices < restarts[0]] if restarts.size else indices
         if sensitivities and within.size:

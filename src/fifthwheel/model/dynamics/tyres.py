@@ -46,11 +46,11 @@ Longitudinal forces. At the speed u and its derivative u', the wheels of a truck
 
 for the drag of the air on the drag area A (drag coefficient times frontal area), for the rolling resistance c_r N of
 each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3), and for its side force N u r / g in a turn with the
-yaw rate r, at most that of `LARGEST_TURN`, which acts at its slip angle. Where X > 0, the last of `Vehicle.driven_groups`
-drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up to `AUXILIARY` m, and the
-brakes of all groups give the rest in proportion to the static loads. The longitudinal force F_x of a group is that of
-drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
-+ lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its side force:
+yaw rate r, at most that of `LARGEST_TURN`, which acts at its slip angle. Where X > 0, the driven group (the last of
+`Vehicle.driven_groups`) drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up
+to `AUXILIARY` m, and the brakes of all groups give the rest in proportion to the static loads. The longitudinal force
+F_x of a group is that of drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the
+loads, by which n = 1 + dN / N + lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its side force:
 
     C k sqrt(1 - b (F_x / (mu N))^2),        mu sqrt(1 - (F_x / (mu N))^2),
 
