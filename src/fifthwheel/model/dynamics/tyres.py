@@ -50,7 +50,8 @@ yaw rate r, at most that of `LARGEST_TURN`, which acts at its slip angle. Where 
 `Vehicle.driven_groups`) drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up
 to `AUXILIARY` m, and the brakes of all groups give the rest in proportion to the static loads. The longitudinal force
 F_x of a group is that of drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the
-loads, by which n = 1 + dN / N + lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its side force:
+loads, by which n = 1 + dN / N + lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its
+side force:
 
     C k sqrt(1 - b (F_x / (mu N))^2),        mu sqrt(1 - (F_x / (mu N))^2),
 
