@@ -92,6 +92,11 @@ def test_a_window_that_excludes_nothing_is_said(tmp_path) -> None:
     record = read_log(path, exclude=[(1.0, 2.0), (100.0, 200.0)])
     notes = [note for note in record.notes if "exclude" in note]
     assert notes == ["exclude 100..200 s: no timestamp is in this window"]
+    dated = tmp_path / "dated.csv"
+    dated.write_text("time,speed\n" + "".join(f"{1.75e9 + 0.1 * k:.1f},20\n" for k in range(50)))
+    by_record, by_log = (read_log(dated, exclude=[(t + 1.0, t + 2.0)]) for t in (0.0, 1.75e9))
+    assert by_record == by_log
+    assert len(by_record) == 39
     assert not ((record.time > 1) & (record.time < 2)).any()
     with pytest.raises(SignalError, match=r"exclude 14\.\.12: expected the first instant before the last"):
         read_log(path, exclude=[(14.0, 12.0)])

@@ -133,6 +133,9 @@ def _outside(
 ) -> Iterator[Chunk]:
     """The samples outside the windows; a window with samples is removed from those that are `unmatched`.
 
+    Windows are by the timestamps of the log or, where these are dates, also by the time of the record, which begins at
+    0.
+
     Raises:
         SignalError: a window ends before it begins, or no samples are left.
     """
@@ -140,13 +143,17 @@ def _outside(
         if not first < last:
             raise SignalError(f"exclude {first:g}..{last:g}: expected the first instant before the last; exchange them")
     rows, left = RowTime(log, _row_time(log, signal_map), signal_map.time.unit), False
+    begin: float | None = None
     for chunk in log.chunks({*columns, rows.column or ""} - {""}):
         time = rows.of(chunk)
         if time is None:
             yield chunk
             left = True
             continue
-        inside = [(time >= start) & (time <= stop) for start, stop in windows]
+        if begin is None and np.isfinite(time).any():
+            begin = origin(float(time[np.isfinite(time)][0]))
+        since = [0.0 if begin is None or stop >= begin else begin for _, stop in windows]
+        inside = [(time >= start + t) & (time <= stop + t) for (start, stop), t in zip(windows, since, strict=True)]
         unmatched.difference_update(w for w, samples in zip(windows, inside, strict=True) if samples.any())
         kept = ~np.any(inside, axis=0)
         left |= bool(kept.any())
