@@ -1,11 +1,15 @@
 """The rows of the gross errors: their sizes in the units of priors, and the range of what a truck can have."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.one_stage.identification import _implausible
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, gross_error, is_possible
 from fifthwheel.truck import Vehicle
@@ -42,6 +46,24 @@ def test_the_size_of_a_gross_error(truck: Vehicle) -> None:
         for sign in (-1, 1):
             assert is_possible(unknown, sign * 2.99 * error.size)
             assert not is_possible(unknown, sign * 3.01 * error.size)
+
+
+def test_what_few_trucks_have_is_noted(truck: Vehicle) -> None:
+    """Of uncertain numbers only: the cornering stiffness is an estimate."""
+    known = unknowns(truck)
+    moved = {
+        "tyre.combined_slip": 3.6,
+        "body.drag_area": -7.9,
+        "tyre.shape": 2.9,
+        "semitrailer.cornering_stiffness": 5.0,
+    }
+    solution: Any = SimpleNamespace(
+        problem=SimpleNamespace(names=list(moved), unknowns_by_name={name: known[name] for name in moved}),
+        minimum=SimpleNamespace(z=np.array(list(moved.values()))),
+    )
+    slip, drag = _implausible(solution)
+    assert slip.startswith("tyre.combined_slip: the logs move it by +3.6 prior sigma, which few trucks have.")
+    assert drag.startswith("body.drag_area: the logs move it by -7.9 prior sigma, beyond what a truck can have.")
 
 
 def test_a_wide_prior_covers_what_a_truck_can_have(truck: Vehicle) -> None:

@@ -40,6 +40,10 @@ from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
 
+UNUSUAL = 3.0
+"""Prior standard deviations by which few trucks differ: sound logs move an uncertain number by up to 2.5 of them, and
+without the axle that drives in the model three numbers by 3.6 to 3.9."""
+
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
     """Estimates with sigma and verdict, sensor errors, doubts by the causes of a contradiction, and fits of all logs;
@@ -198,14 +202,14 @@ def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSumma
 
 
 def _implausible(solution: Solution) -> Iterator[str]:
-    """A note on each uncertain number that the logs move beyond what a truck can have."""
+    """A note on each uncertain number that the logs move further than trucks differ."""
     z = dict(zip(solution.problem.names, solution.minimum.z.tolist(), strict=True))
     for name, u in solution.problem.unknowns_by_name.items():
-        if u.is_uncertain and not is_possible(u, z[name]):
+        if u.is_uncertain and (abs(z[name]) > UNUSUAL or not is_possible(u, z[name])):
+            far = "which few trucks have" if is_possible(u, z[name]) else "beyond what a truck can have"
             yield (
-                f"{name}: the logs move it by {z[name]:+.1f} prior sigma, beyond what a truck can have. Something that "
-                "the model lacks acts like it, so sigmas of other estimates may be too small: identify parts of "
-                "the logs, and compare."
+                f"{name}: the logs move it by {z[name]:+.1f} prior sigma, {far}. Something that the model lacks may "
+                "act like it, so sigmas of other estimates may be too small: identify parts of the logs, and compare."
             )
 
 
