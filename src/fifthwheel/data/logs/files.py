@@ -77,7 +77,7 @@ def record_of(
         raise SignalError(
             f"{log.name}: no column has the name of a signal, the columns are {names}; map columns to "
             f"signals in a signals.toml, which {command('signals')} proposes:\n"
-            f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
+            f'[signals.speed]\ncolumn = "..."\nunit = "km/h"'
         )
     return assemble(log, complete, name=printable(name), exclude=exclude, progress=progress)
 

@@ -132,7 +132,8 @@ def _mirrored(signs: Signs) -> Iterator[Finding]:
             f"{enumerated(['its sign', *others])} inverted: few signs are, by usual frames of devices "
             f"(z up or z down); if {enumerated(signs.others)} are inverted instead, all signals agree too, mirrored; "
             "look at a left turn: steer, yaw rate and lateral acceleration must be positive, and the roll, because a "
-            "body rolls outwards; otherwise exchange both groups: sign = -1 in signals.toml for the second one only"
+            f"body rolls outwards; otherwise sign = -1 in signals.toml for {enumerated(signs.others)} only; the "
+            "estimates are the same, the signs of the states are not"
         )
         yield warning(first, Fault.SWAPPED_SIGN, problem, others=tuple(others))
 
