@@ -59,7 +59,9 @@ def test_the_proposed_map_gives_the_original_record(tmp_path, weaving):
     assert "sign inverted" in proposal.reasons["articulation.semitrailer"]
     assert "unit deg/s by its magnitude" in proposal.reasons["yaw_rate.semitrailer"]
     assert "steering-wheel angle" in proposal.reasons["steer.tractor.front"]
-    assert proposal.missing == ("roll_rate.semitrailer: not found; without it the payload height cannot be identified",)
+    assert proposal.missing == (
+        "roll_rate.semitrailer: not in the map; without it the payload height cannot be identified",
+    )
     (question,) = map(str, proposal.findings)  # gyros and accelerometer of a log without roll may be inverted instead
     assert "yaw_rate.tractor, yaw_rate.semitrailer and lateral_acceleration.tractor are inverted instead" in question
 
@@ -188,7 +190,9 @@ def test_the_signals_of_a_mass_from_driving_are_proposed(tmp_path):
     pd.DataFrame(columns).to_csv(path, index=False)
     _, proposal = survey_and_proposal(path)
     assert proposal.missing == (only,)
-    assert only.startswith("steer.tractor.front and yaw_rate.tractor: not found; this log gives the gross mass only")
+    assert only.startswith(
+        "steer.tractor.front and yaw_rate.tractor: not in the map; this log gives the gross mass only"
+    )
     assert [finding.fault for finding in proposal.findings] == ["zero speed"]
 
 

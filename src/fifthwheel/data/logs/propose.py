@@ -508,17 +508,19 @@ def missing_signals(proposed: SignalMap, units: Sequence[str], steered: str, oth
     if not missing_for_mass([*proposed.signals, *others]) and not any(
         is_of(name, STEER, *MOTION) for name in proposed.signals
     ):
-        return [f"{front} and {yaw_rate}: not found; this log gives the gross mass only (fifthwheel mass)"]
+        return [f"{front} and {yaw_rate}: not in the map; this log gives the gross mass only (fifthwheel mass)"]
     needed = {"speed": [SPEED], front: [STEER], yaw_rate: MOTION}
     missing = [
-        f"{name}: not found; every estimator needs it"
+        f"{name}: not in the map; every estimator needs it"
         for name, any_of in needed.items()
         if not any(is_of(signal, *any_of) for signal in proposed.signals)
     ]
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:
-            missing.append(f"{yaw_rate} or {articulation}: not found; with one of them the stiffness is more accurate")
+            missing.append(
+                f"{yaw_rate} or {articulation}: not in the map; with one of them the stiffness is more accurate"
+            )
         if roll_rate not in proposed.signals:
-            missing.append(f"{roll_rate}: not found; without it the payload height cannot be identified")
+            missing.append(f"{roll_rate}: not in the map; without it the payload height cannot be identified")
     return missing

@@ -11,7 +11,7 @@ from nicegui import ui
 from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.apps.workflow.start import starts_of
-from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
@@ -184,17 +184,19 @@ class _Settings:
     def _statement(self, label: str) -> None:
         with ui.element("div").classes("fw-question"):
             ui.label(label)
-            name = ui.select(dict(numbers(self.workspace, self.truck)), label="Number", with_input=True)
+            known = dict(numbers(self.workspace, self.truck))
+            typed: dict[str, Any] = {"new_value_mode": "add-unique", "key_generator": str}  # such as the end of a path
+            name = ui.select(known, label="Number", with_input=True, **typed)
             value = ui.input("What you know", placeholder="33.4 t +- 0.5 %")
             for field in (name, value):
                 field.classes("w-full").props("dense outlined hide-bottom-space")
 
             def add() -> None:
-                if name.value and value.value:
-                    given = self._value(STATEMENTS, [])
-                    stated = f"{name.value}={layout.with_decimal_points(value.value)}"
-                    self._keep(STATEMENTS, [], [*given, stated])
-                    name.value, value.value = None, ""
+                if not (name.value and value.value):
+                    raise SignalError("Number: pick one, or type a name and press Enter; then say what you know")
+                given = self._value(STATEMENTS, [])
+                self._keep(STATEMENTS, [], [*given, f"{name.value}={layout.with_decimal_points(value.value)}"])
+                name.value, value.value = None, ""
 
             ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
             ui.label(

@@ -174,7 +174,8 @@ class _Page:
         signal_map, findings = self.workspace.signal_map(), self.evidence.findings
         missing, doubtful = objections(self.evidence, signal_map, self.workspace.vehicle())
         lines: list[tuple[str, str]] = [(f.severity, f.message) for f in findings if f.signal not in signal_map.signals]
-        lines += [("warning", text) for text in missing]
+        again = ["If the log has these, propose a map again, or add them below."] if missing else []
+        lines += [("warning", text) for text in (*missing, *again)]
         below = dict.fromkeys([f.signal for f in findings if f.signal in signal_map.signals] + doubtful)
         if below:
             lines.append(("warning", f"See below: {', '.join(below)}."))

@@ -118,10 +118,9 @@ def _loads(workspace: Workspace, vehicle: Vehicle) -> None:
         unit, _, key = path.partition(".payload.")
         changed = with_payload(vehicle, value, unit=unit) if key == "mass" else vehicle.restated({path: value})
         changed = changed if sigma is None or path not in changed.parameters() else changed.with_stated({path: sigma})
-        workspace.write(
-            {VEHICLE: catalogue.edited(workspace.read(VEHICLE) or "", changed)}, f"{spoken(path)} {value:g}"
-        )
-        layout.reload()
+        said = f"{spoken(path)} {value:g} {unit_of(path)}"
+        workspace.write({VEHICLE: catalogue.edited(workspace.read(VEHICLE) or "", changed)}, said)
+        layout.reload(f"{said} is in the vehicle file now.")
 
     for path, value in vehicle.parameters().items():
         if ".payload." in path:
