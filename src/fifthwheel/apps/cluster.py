@@ -60,7 +60,8 @@ def run_all(
     tried again, and `Lost` after some attempts. When the iteration ends early, such as by Ctrl-C, so do the processes.
 
     Raises:
-        FifthwheelError: `shared` or the function cannot be pickled, or the scheduler does not answer.
+        FifthwheelError: `shared` or the function cannot be pickled, no process can be started, or the scheduler does
+            not answer.
     """
     jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
     if scheduler is None and min(jobs, len(tasks)) <= 1:
@@ -103,6 +104,11 @@ def _run_in_processes(
                 for future in wait(running, return_when=FIRST_COMPLETED)[0]:
                     result = future.result()
                     yield running.pop(future), result
+        if running and isinstance(_run_alone(_nothing, shared, None), Lost):
+            raise FifthwheelError(
+                "jobs: no process can be started; a script needs `if __name__ == '__main__':` around the call, and"
+                " enough memory for each process; jobs=1 computes without other processes"
+            )
         for future, task in running.items():  # of which one has ended its process
             ended = future.cancelled() or future.exception()
             yield task, _run_alone(function, shared, task) if ended else future.result()
@@ -113,10 +119,11 @@ def _run_alone(function: Callable[[S, T], R], shared: S, task: T) -> R | Lost:
     for _ in range(ATTEMPTS):
         with suppress(BrokenProcessPool), _ended(process_pool(1, shared)) as pool:
             return pool.submit(_run, function, task).result()
-    return Lost(
-        f"its process ended {ATTEMPTS} times, for example for lack of memory; a script needs"
-        " `if __name__ == '__main__':` around the call; jobs=1 computes without other processes"
-    )
+    return Lost(f"its process ended {ATTEMPTS} times, for example for lack of memory")
+
+
+def _nothing(_shared: object, _task: object) -> None:
+    """A task that ends no process."""
 
 
 @contextmanager
@@ -125,7 +132,7 @@ def _ended(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException:
-        for process in list(pool._processes.values()):  # Python 3.14: terminate_workers
+        for process in list((pool._processes or {}).values()):  # Python 3.14: terminate_workers
             process.terminate()
         raise
     finally:

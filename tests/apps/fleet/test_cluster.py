@@ -76,6 +76,13 @@ def test_a_task_that_ends_its_process_costs_no_other(tmp_path) -> None:
     assert results == {k: k**2 for k in range(12) if k != 2}
 
 
+def test_a_script_without_a_guard_is_told(tmp_path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text("from fifthwheel.apps.cluster import run_all\nlist(run_all(pow, 2, range(50), jobs=2))\n")
+    process = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=100)
+    assert "jobs: no process can be started; a script needs `if __name__ == '__main__':`" in process.stderr
+
+
 def sleep(_, task):
     if task:
         time.sleep(60)
