@@ -66,7 +66,7 @@ COMMANDS = [
     ("can", "live", (*LIVE, "virtual:truck")),
     ("msgpack", "live", (*LIVE, "udp_multicast:239.0.0.1")),
     ("nicegui", "app", ("app", "workspace", "--no-browser", "--port", "0")),
-    ("distributed", "fleet", ("fleet", "run", "manifest.csv", "--jobs", "2")),
+    ("distributed", "fleet", ("fleet", "run", "manifest.csv", "--scheduler", "tcp://127.0.0.1:9")),
     ("fsspec", "fleet", ("fleet", "run", "s3://depot/manifest.csv")),
     ("s3fs", "fleet", ("fleet", "run", "s3://depot/manifest.csv")),
     ("ziglang", "fmu", ("export", "fmu", "--vehicle", "cheng_cebon_2011")),
