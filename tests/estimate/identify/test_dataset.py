@@ -68,6 +68,17 @@ def test_dataset(truck: Vehicle) -> None:
         assert dataset.identified_vehicle({height: value}).parameters()[height] == limited
 
 
+def test_a_log_of_which_the_vehicle_was_identified_counts_twice(truck: Vehicle) -> None:
+    first, second = (replace(simulate(truck, count=1, seed=k), name=f"run_{k}") for k in (1, 2))
+    identified = prepare_dataset([first], truck, OneStage()).identified_vehicle({})
+    notes = prepare_dataset([first, second], identified, OneStage()).notes
+    assert [note for note in notes if "counts twice" in note] == [
+        "run_1: the numbers of the vehicle file are identified from it already, so that it counts twice: begin with "
+        "the file before, or with other logs."
+    ]
+    assert not any("counts twice" in note for note in prepare_dataset([second], identified, OneStage()).notes)
+
+
 def test_noise_of_a_log(truck: Vehicle) -> None:
     """Its own, else that of the settings, else that of the table."""
     dataset = prepare_dataset([simulate(truck, count=1)], truck, OneStage())

@@ -1,6 +1,7 @@
 """The data of an identification: checked logs, their usable segments, and the vehicle steered as logged."""
 
 import itertools
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.spelling import command
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
@@ -47,6 +49,8 @@ from fifthwheel.truck.steering import require_roll
 
 SHORTEST_PART = 2.0
 """Of a segment at a steady speed, s."""
+FROM_LOGS = "identified from"
+"""In the source of an identified vehicle, before the names of the logs."""
 ROUNDING = 0.01
 """Of the number of samples in a row."""
 
@@ -138,8 +142,14 @@ class Dataset:
             for path, v in values.items()
         }
         names = ", ".join(log.name for log in self.logs)
-        source = f"{initial.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
+        source = f"{initial.source}; {FROM_LOGS} {names} at {low:.1f} to {high:.1f} m/s"
         return initial.replace(values).model_copy(update={"source": source.removeprefix("; ")})
+
+
+def _identified_from(vehicle: Vehicle) -> set[str]:
+    """The names of the logs of which `Dataset.identified_vehicle` made a vehicle."""
+    found = re.findall(rf"{FROM_LOGS} (.*?) at [\d.]+ to [\d.]+ m/s", vehicle.source)
+    return {name for names in found for name in names.split(", ")}
 
 
 def prepare_dataset(
@@ -174,6 +184,11 @@ def prepare_dataset(
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
             "assumed to be 0."
+        )
+    if again := _identified_from(vehicle) & {record.name for record in records}:
+        notes.append(
+            f"{enumerated(sorted(again))}: the numbers of the vehicle file are identified from it already, so that it "
+            "counts twice: begin with the file before, or with other logs."
         )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
