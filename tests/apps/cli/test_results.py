@@ -117,7 +117,7 @@ def test_compared_runs_as_table_and_files(runs, run, tmp_path):
     page, table = tmp_path / "c.html", tmp_path / "c.csv"
     outcome = run("compare", *runs, "--csv", table, "--html", page)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("No difference beyond chance. Largest: ")
+    assert outcome.out.startswith("The runs share logs: no test of the truck. Largest difference: ")
     assert "Front tyres, cornering stiffness" in outcome.out
     assert "share first" in " ".join(outcome.out.split())
     with table.open(newline="") as stream:
@@ -127,7 +127,7 @@ def test_compared_runs_as_table_and_files(runs, run, tmp_path):
     text = Page(page.read_text()).text
     assert runs[1].name in text
     assert "Rollover threshold" in text
-    assert "No difference beyond chance." in text
+    assert "The runs share logs: no test of the truck." in text
     assert 'title="tractor.front.cornering_stiffness">Front tyres, cornering stiffness' in page.read_text()
 
 

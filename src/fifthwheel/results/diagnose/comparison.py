@@ -108,6 +108,8 @@ class Comparison:
     """Names; the first is the reference."""
     parameters: tuple[ComparedParameter, ...]
     notes: tuple[str, ...]
+    share_logs: bool = False
+    """Whether each run has a log of the first, so that a difference is no test of the truck."""
 
     def rows(self) -> list[tuple[str, ...]]:
         """Parameter, run, estimate, difference with sigma in its unit, in per cent and in sigmas, for each parameter
@@ -213,6 +215,7 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
             *_compared(compared, derived, derived=True),
         ),
         notes=tuple(_notes(runs)),
+        share_logs=all(_shared_logs(compared[0], run) for run in compared[1:]),
     )
 
 

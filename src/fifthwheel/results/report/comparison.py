@@ -80,6 +80,8 @@ def comparison_headline(comparison: Comparison) -> str:
     parameter, k = largest
     difference = f"{spoken(parameter.name)} of {comparison.runs[k]}"
     size = parameter.in_percent(k) or parameter.in_unit(k)
+    if not clear and comparison.share_logs:
+        return f"The runs share logs: no test of the truck. Largest difference: {difference}, {size}."
     if not clear:
         return f"No difference beyond chance. Largest: {difference}, {size} ({parameter.in_sigmas(k)})."
     others = counted(len(clear) - 1, "other difference")
