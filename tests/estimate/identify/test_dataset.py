@@ -73,7 +73,7 @@ def test_a_log_of_which_the_vehicle_was_identified_counts_twice(truck: Vehicle) 
     identified = prepare_dataset([first], truck, OneStage()).identified_vehicle({})
     notes = prepare_dataset([first, second], identified, OneStage()).notes
     assert [note for note in notes if "counts twice" in note] == [
-        "run_1: the numbers of the vehicle file are identified from it already, so that it counts twice: begin with "
+        "run_1: the vehicle file is identified from a log of this name; if it is the same, it counts twice: begin with "
         "the file before, or with other logs."
     ]
     assert not any("counts twice" in note for note in prepare_dataset([second], identified, OneStage()).notes)

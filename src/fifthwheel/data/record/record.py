@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
-from fifthwheel.base.errors import SignalError, UnitError, printable, suggestion
+from fifthwheel.base.errors import SignalError, UnitError, suggestion
 from fifthwheel.base.lazy import lazy, require
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import CHANNELS, REFERENCE, SignalName, checked_name, si_unit, split_reference
 from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.data.record.tables import columns_of
 from fifthwheel.data.record.timestamps import missing_fraction, require_increasing, typical_step, utc_date
 
 if TYPE_CHECKING:
@@ -178,29 +179,8 @@ class Record(ComparedByContents):
             >>> record.time, record.date.year
             (array([0. , 0.1]), 2026)
         """
-        if not hasattr(table, "index") and hasattr(table, "__arrow_c_stream__"):
-            time, columns, date = _arrow_columns(table)
-            return cls.from_arrays(time, columns, units=units, **{**date, **fields})
-        if not hasattr(table, "index") or not hasattr(table, "columns"):
-            raise SignalError(
-                f"table: expected one of pandas, Polars or Arrow, got {type(table).__name__}; use"
-                " fw.Record.from_arrays(time, signals)"
-            )
-        pandas, frame, index = require("pandas", "pandas"), table, table.index
-        if not frame.columns.is_unique:
-            twice = frame.columns[frame.columns.duplicated()][0]
-            raise SignalError(f"{twice}: two columns have this name; remove or rename one")
-        if isinstance(index, pandas.DatetimeIndex):
-            utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
-            if utc.size and "date" not in fields:
-                fields["date"] = utc[0].to_pydatetime(warn=False)
-            index = utc - utc[:1].repeat(utc.size)
-        if isinstance(index, pandas.TimedeltaIndex):
-            index = index.total_seconds()
-        if isinstance(index, pandas.RangeIndex) or not pandas.api.types.is_numeric_dtype(index):
-            raise SignalError("time: expected an index of seconds, durations or dates; use frame.set_index('time')")
-        columns = {name: _numbers(str(name), frame[name]) for name in frame.columns}
-        return cls.from_arrays(index.to_numpy(), columns, units=units, **fields)
+        time, values, date = columns_of(table)
+        return cls.from_arrays(time, values, units=units, **{**({} if date is None else {"date": date}), **fields})
 
     @property
     def span(self) -> tuple[float, float]:
@@ -474,42 +454,6 @@ def _factor(name: str, unit: str) -> float:
         return factor(unit, si_unit(split_reference(name)[0]) or "1")
     except UnitError as error:
         raise SignalError(f"{name}: {error}") from None
-
-
-def _arrow_columns(source: Any) -> tuple[Array, dict[str, Array], dict[str, Any]]:
-    """Time, s, and columns of a table with the Arrow interface, and its date if the time is one."""
-    import pyarrow as pa
-
-    table, date = pa.table(source), dict[str, Any]()
-    if "time" not in table.column_names:
-        raise SignalError("time: no such column; rename the one with seconds, durations or dates")
-    if len(set(table.column_names)) < len(table.column_names):
-        twice = next(name for name in table.column_names if table.column_names.count(name) > 1)
-        raise SignalError(f"{twice}: two columns have this name; remove or rename one")
-    time, numbers = table["time"], dict[str, Array]()
-    is_date = pa.types.is_timestamp(time.type)
-    if is_date or pa.types.is_duration(time.type):
-        ticks = time.cast(pa.timestamp("ns") if is_date else pa.duration("ns")).cast(pa.int64()).to_numpy()
-        if is_date and ticks.size:
-            date["date"] = utc_date(ticks[0] / 1e9)
-            ticks = ticks - ticks[0]
-        numbers["time"] = ticks / 1e9
-    for name in table.column_names:
-        if name not in numbers:
-            try:
-                numbers[name] = table[name].cast(pa.float64()).to_numpy()
-            except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
-                reason = printable(str(error))
-                raise SignalError(f"{name}: not numbers ({reason}); convert the column, or drop it") from None
-    return numbers.pop("time"), numbers, date
-
-
-def _numbers(name: str, column: "pd.Series") -> Array:
-    """A column (N,), NaN where missing."""
-    try:
-        return np.asarray(column.to_numpy(dtype=np.float64, na_value=np.nan))
-    except (TypeError, ValueError) as error:
-        raise SignalError(f"{name}: not numbers ({printable(str(error))}); convert the column, or drop it") from None
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

@@ -187,8 +187,8 @@ def prepare_dataset(
         )
     if again := _identified_from(vehicle) & {record.name for record in records}:
         notes.append(
-            f"{enumerated(sorted(again))}: the numbers of the vehicle file are identified from it already, so that it "
-            "counts twice: begin with the file before, or with other logs."
+            f"{enumerated(sorted(again))}: the vehicle file is identified from a log of this name; if it is the same, "
+            "it counts twice: begin with the file before, or with other logs."
         )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")

@@ -51,14 +51,11 @@ def test_the_size_of_a_gross_error(truck: Vehicle) -> None:
 def test_what_few_trucks_have_is_noted(truck: Vehicle) -> None:
     """Of uncertain numbers only: the cornering stiffness is an estimate."""
     known = unknowns(truck)
-    moved = {
-        "tyre.combined_slip": 3.6,
-        "body.drag_area": -7.9,
-        "tyre.shape": 2.9,
-        "semitrailer.cornering_stiffness": 5.0,
-    }
+    moved = dict.fromkeys(known, 0.0)
+    moved |= {"tyre.combined_slip": 3.6, "body.drag_area": -7.9, "tyre.shape": 2.9}
+    moved["semitrailer.cornering_stiffness"] = 5.0
     solution: Any = SimpleNamespace(
-        problem=SimpleNamespace(names=list(moved), unknowns_by_name={name: known[name] for name in moved}),
+        problem=SimpleNamespace(names=list(moved), unknowns_by_name=known),
         minimum=SimpleNamespace(z=np.array(list(moved.values()))),
     )
     slip, drag = _implausible(solution)

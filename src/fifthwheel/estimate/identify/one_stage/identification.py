@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
 
@@ -40,9 +41,8 @@ from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
 
-UNUSUAL = 3.0
-"""Prior standard deviations by which few trucks differ: sound logs move an uncertain number by up to 2.5 of them, and
-without the axle that drives in the model three numbers by 3.6 to 3.9."""
+FALSE_ALARM = 0.05
+"""Probability that one of all uncertain numbers of a sound truck is noted as unusual."""
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
@@ -204,8 +204,10 @@ def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSumma
 def _implausible(solution: Solution) -> Iterator[str]:
     """A note on each uncertain number that the logs move further than trucks differ."""
     z = dict(zip(solution.problem.names, solution.minimum.z.tolist(), strict=True))
-    for name, u in solution.problem.unknowns_by_name.items():
-        if u.is_uncertain and (abs(z[name]) > UNUSUAL or not is_possible(u, z[name])):
+    uncertain = {name: u for name, u in solution.problem.unknowns_by_name.items() if u.is_uncertain}
+    limit = NormalDist().inv_cdf(1 - FALSE_ALARM / 2 / max(len(uncertain), 1))  # Bonferroni
+    for name, u in uncertain.items():
+        if abs(z[name]) > limit or not is_possible(u, z[name]):
             far = "which few trucks have" if is_possible(u, z[name]) else "beyond what a truck can have"
             yield (
                 f"{name}: the logs move it by {z[name]:+.1f} prior sigma, {far}. Something that the model lacks may "
