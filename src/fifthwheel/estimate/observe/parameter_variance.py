@@ -84,7 +84,8 @@ class Sensitivities:
         self._directions = np.vstack([directions[:, :n_c], np.zeros((n, n_c))]), directions[:, of_report]
         self._of_state = np.vstack([np.zeros((k, n)), np.eye(n)])[:, None]  # along the directions, and each state
         self._state, self._change = start, (points.unknowns @ observer.effects(inputs)).T
-        self._settled, self._edge = time + SETTLED, (np.empty(0), np.empty((0, layout.carry[0], k)))
+        self._settled = time + SETTLED
+        self._last = np.empty(0), np.empty((0, len(observer.report.outputs), k))  # time and slopes of the last group
 
     def variance(self, time: Array, samples: Array, output: Array) -> Array:
         """Variance (M, n) of the n reported signals, as a filter gives them, over the parameters.
@@ -116,10 +117,8 @@ class Sensitivities:
             changes[i] = self._change
         d, moved = samples[last, 1 : 1 + n_d], np.moveaxis(changes, 2, 0)
         slopes = _slopes(report_step(*self._models), d, after[last], moved, self._constants[1], self._directions[1])
-        at, known = time[last], self._edge
-        if len(known[0]):
-            at, slopes = np.append(known[0], at), np.concatenate([known[1], slopes])
-        self._edge = at[-1:], slopes[-1:]
+        at, slopes = np.append(self._last[0], time[last]), np.concatenate([self._last[1], slopes])
+        self._last = at[-1:], slopes[-1:]
         return _interpolated_squares(slopes, at, time) - self._with_bank * bank
 
 
